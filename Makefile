@@ -1,0 +1,32 @@
+SHELL := bash
+CONFIG ?= config/a4_position_joint.yaml
+PYTEST_ARGS ?=
+
+.PHONY: help setup demo test lint bench clean
+
+help:
+	@echo 'make setup   install everything into this folder and build the packages'
+	@echo 'make demo    simulator and controller follow goals; report in out/demo (CONFIG=$(CONFIG))'
+	@echo 'make test    all tests (PYTEST_ARGS="-k name" selects)'
+	@echo 'make lint    ruff, mypy and the checks of the ROS packages'
+	@echo 'make bench   the benchmarks'
+	@echo 'make clean   remove everything that the other targets made'
+
+setup:
+	@tools/setup.sh
+
+demo: setup
+	@source ./setup.bash && install/tp_sim/lib/tp_sim/demo --config $(CONFIG) --out out/demo
+
+test: setup
+	@source ./setup.bash && python -m pytest $(PYTEST_ARGS)
+
+lint: setup
+	@source ./setup.bash && ruff check && ruff format --check && mypy && python tools/check_packages.py
+
+bench: setup
+	@source ./setup.bash && python benchmarks/run.py
+
+clean:
+	rm -rf .venv build install log out .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,17 @@
+"""From the dictionary of a parameter file to a robot, tasks and a stack."""
+
+from tp_controller.config.build import Settings, build_robot, build_settings, build_stack
+from tp_controller.config.changes import check_changes
+from tp_controller.config.files import read_parameter_file
+from tp_controller.config.schema import SHARED, controller_schema
+
+__all__ = [
+    'SHARED',
+    'Settings',
+    'build_robot',
+    'build_settings',
+    'build_stack',
+    'check_changes',
+    'controller_schema',
+    'read_parameter_file',
+]

@@ -1,0 +1,75 @@
+"""Objects from checked parameter values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from tp_controller.config.schema import controller_schema, task_names
+from tp_controller.errors import InvalidValue
+from tp_controller.parameters import Flat, flatten, read_all
+from tp_controller.robot import DHParameters, Limits, Robot, dh_robot
+from tp_controller.solvers import SOLVER_TYPES
+from tp_controller.stack import Stack
+from tp_controller.tasks import TASK_TYPES, Task
+
+
+class Settings(NamedTuple):
+    """Everything that a controller is configured with."""
+
+    values: Flat
+    """Every parameter by dotted key, defaults filled in."""
+    stack: Stack
+    """The stack of tasks on its robot."""
+
+
+def build_settings(parameters: Mapping[str, Any]) -> Settings:
+    """Build a controller's stack from its parameters.
+
+    Parameters
+    ----------
+    parameters
+        The dictionary under ``ros__parameters``, nested or with dotted keys.
+
+    Raises
+    ------
+    InvalidValue
+        For anything that cannot be used, naming the full key.
+    """
+    flat = flatten(parameters)
+    values = read_all(flat, controller_schema(flat))
+    return Settings(values, build_stack(build_robot(values), values))
+
+
+def build_robot(values: Flat) -> Robot:
+    """Build the robot of checked ``robot.…`` values."""
+    joints = values['robot.joints']
+    dh = DHParameters(*(values[f'robot.dh.{key}'] for key in DHParameters._fields))
+    return dh_robot(joints, dh, values['robot.base_frame'], build_limits(len(joints), values))
+
+
+def build_limits(n: int, values: Flat) -> Limits:
+    """Build the limits of n joints from checked ``robot.limits.…`` values."""
+    return Limits(n, **{key: values[f'robot.limits.{key}'] for key in Limits.KEYS})
+
+
+def build_stack(robot: Robot, values: Flat) -> Stack:
+    """Build the stack of checked values on a robot."""
+    tasks = [_task(name, robot, values) for name in task_names(values)]
+    solver = SOLVER_TYPES[values['solver.type']](robot.n, values['solver.damping'])
+    return Stack(robot, tasks, values['hierarchy'], solver)
+
+
+def _task(name: str, robot: Robot, values: Flat) -> Task:
+    prefix = f'tasks.{name}.'
+    own = {key.removeprefix(prefix): values[key] for key in values if key.startswith(prefix)}
+    try:
+        task = TASK_TYPES[own['type']].from_parameters(name, robot, own)
+        task.gain = own['gain']
+        if own['feedforward'] is not None:
+            task.feedforward = own['feedforward']
+        if own['target'] is not None:
+            task.target = own['target']
+    except InvalidValue as error:
+        raise error.under(f'tasks.{name}') from None
+    return task

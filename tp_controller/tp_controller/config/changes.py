@@ -1,0 +1,74 @@
+"""Parameter changes while running: checked as a whole, then made as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from tp_controller.config.build import Settings, build_limits
+from tp_controller.errors import InvalidValue, listed, shown
+from tp_controller.parameters import Parameter
+
+
+def check_changes(
+    settings: Settings, schema: Mapping[str, Parameter], changes: Mapping[str, Any]
+) -> Callable[[], None]:
+    """Check parameter changes without making them.
+
+    Parameters
+    ----------
+    settings
+        What the controller runs on.
+    schema
+        Its parameters by dotted key.
+    changes
+        New values by dotted key.
+
+    Returns
+    -------
+    callable
+        Makes the changes; it cannot fail.
+
+    Raises
+    ------
+    InvalidValue
+        For an unknown parameter, one that cannot change while running, or a value that
+        is not accepted. Nothing has changed then.
+    """
+    checked = {key: _read(key, value, schema) for key, value in changes.items()}
+    stack = settings.stack
+    steps: list[Callable[[], None]] = [partial(settings.values.update, checked)]
+    if any(key.startswith('robot.limits.') for key in checked):
+        limits = build_limits(stack.robot.n, settings.values | checked)
+        steps.append(partial(setattr, stack.robot, 'limits', limits))
+    for key, value in checked.items():
+        if key == 'hierarchy':
+            stack.check_hierarchy(value)
+            steps.append(partial(setattr, stack, 'hierarchy', value))
+        elif key == 'solver.damping':
+            steps.append(partial(setattr, stack.solver, 'damping', value))
+        elif key.startswith('tasks.'):
+            _, name, leaf = key.split('.')
+            task = stack.tasks[name]
+            try:
+                getattr(task, f'check_{leaf}')(value)
+            except InvalidValue as error:
+                raise error.under(f'tasks.{name}') from None
+            steps.append(partial(setattr, task, leaf, value))
+
+    def apply() -> None:
+        for step in steps:
+            step()
+
+    return apply
+
+
+def _read(key: str, value: Any, schema: Mapping[str, Parameter]) -> Any:
+    if key not in schema or not schema[key].runtime:
+        accepts = [name for name, parameter in schema.items() if parameter.runtime]
+        what = 'a change while running' if key in schema else 'an unknown parameter'
+        raise InvalidValue(key, what, f'changes of {listed(accepts)}')
+    if value is None:
+        raise InvalidValue(key, shown(value), schema[key].accepts)
+    return schema[key].read(key, value)

@@ -1,0 +1,80 @@
+"""Parameter files without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from tp_controller.errors import InvalidValue, shown
+from tp_controller.parameters import Flat, flatten
+
+EVERY_NODE = '/**'
+
+
+def read_parameter_file(path: str | Path, node: str) -> Flat:
+    """Parameters that a ROS 2 parameter file gives to a node of that name.
+
+    Parameters
+    ----------
+    path
+        The YAML file.
+    node
+        Name of the node; its block overrides the block for every node, ``/**``.
+
+    Returns
+    -------
+    dict
+        Values by dotted key.
+
+    Raises
+    ------
+    InvalidValue
+        If the file cannot be read, is not YAML, or has not the form of a parameter file;
+        for a list that ROS 2 refuses: an empty one or one that mixes kinds.
+    """
+    try:
+        document = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+    except OSError as error:
+        raise InvalidValue(str(path), str(error.strerror), 'a readable file') from None
+    except UnicodeDecodeError:
+        raise InvalidValue(str(path), 'bytes that are not UTF-8', 'a YAML file') from None
+    except yaml.YAMLError as error:
+        mark = getattr(error, 'problem_mark', None)
+        where = f' in line {mark.line + 1}, column {mark.column + 1}' if mark else ''
+        problem = getattr(error, 'problem', None) or 'an error'
+        raise InvalidValue(str(path), f'{problem}{where}', 'YAML') from None
+    accepts = 'blocks by node name (or /**), each with ros__parameters'
+    if not isinstance(document, Mapping):
+        raise InvalidValue(str(path), shown(document), accepts)
+    flat: Flat = {}
+    for name in (EVERY_NODE, node):
+        block = document.get(name, {'ros__parameters': {}})
+        parameters = block.get('ros__parameters') if isinstance(block, Mapping) else None
+        if not isinstance(parameters, Mapping):
+            raise InvalidValue(f'{path}: {name}', shown(block), accepts)
+        flat.update(flatten(parameters))
+    for key, value in flat.items():
+        _check_as_ros(key, value)
+    return flat
+
+
+def _check_as_ros(key: str, value: Any) -> None:
+    """Refuse what ROS 2's own parser refuses, with a reason."""
+    if value is None:
+        raise InvalidValue(key, 'no value', 'a value (or leave the key out)')
+    if not isinstance(value, list):
+        return
+    if not value:
+        raise InvalidValue(key, 'an empty list', 'at least one value (or leave the key out)')
+    kinds = {type(item) for item in value}
+    if kinds == {int, float}:
+        raise InvalidValue(
+            key,
+            f'{shown(value)}, which mixes whole numbers and decimals',
+            'one kind in a list: write 1.0 for 1',
+        )
+    if len(kinds) > 1:
+        raise InvalidValue(key, f'{shown(value)}, which mixes kinds', 'one kind in a list')

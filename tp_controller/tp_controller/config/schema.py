@@ -1,0 +1,136 @@
+"""The parameters of the controller, and those that the simulator shares with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from tp_controller.errors import InvalidValue, shown
+from tp_controller.parameters import (
+    NAME,
+    NUMBER,
+    NUMBERS,
+    REQUIRED,
+    TEXT,
+    TEXTS,
+    Parameter,
+)
+from tp_controller.robot.dh import JOINT_TYPES
+from tp_controller.solvers import SOLVER_TYPES
+from tp_controller.tasks import COMMON, TASK_TYPES
+
+COMMAND_TYPES = ('joint_state', 'float64_multi_array')
+
+SHARED: Mapping[str, Parameter] = {
+    'robot.joints': Parameter(
+        TEXTS, 'Names of the controlled joints, from the base outwards', default=REQUIRED
+    ),
+    'robot.dh.theta': Parameter(
+        NUMBERS, 'DH angle [rad] per joint; the offset of a revolute one', default=REQUIRED
+    ),
+    'robot.dh.d': Parameter(
+        NUMBERS, 'DH offset [m] per joint; the offset of a prismatic one', default=REQUIRED
+    ),
+    'robot.dh.a': Parameter(NUMBERS, 'DH link length [m] per joint', default=REQUIRED),
+    'robot.dh.alpha': Parameter(NUMBERS, 'DH link twist [rad] per joint', default=REQUIRED),
+    'robot.dh.types': Parameter(
+        TEXTS, 'Kind of each joint', default=REQUIRED, choices=JOINT_TYPES
+    ),
+    'robot.dh.base_pose': Parameter(
+        NUMBERS,
+        'DH frame 0 in the base frame: x y z [m], roll pitch yaw [rad]',
+        default=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    ),
+    'robot.base_frame': Parameter(TEXT, 'Name of the base frame', default='base'),
+    'robot.limits.velocity': Parameter(
+        NUMBERS, 'Largest speed [rad/s, m/s], one value or one per joint', above=0.0, runtime=True
+    ),
+    'robot.limits.position_min': Parameter(
+        NUMBERS, 'Lower end of the range [rad, m], one value or one per joint', runtime=True
+    ),
+    'robot.limits.position_max': Parameter(
+        NUMBERS, 'Upper end of the range [rad, m], one value or one per joint', runtime=True
+    ),
+    'robot.limits.acceleration': Parameter(
+        NUMBERS,
+        'Largest acceleration [rad/s², m/s²], one value or one per joint; not enforced yet',
+        above=0.0,
+        runtime=True,
+    ),
+    'command.type': Parameter(
+        TEXT,
+        'Message that carries the command',
+        default='joint_state',
+        choices=COMMAND_TYPES,
+    ),
+}
+"""Parameters that both nodes read."""
+
+CONTROLLER: Mapping[str, Parameter] = {
+    **SHARED,
+    'solver.type': Parameter(
+        TEXT, 'How the levels are resolved', default='recursive', choices=tuple(SOLVER_TYPES)
+    ),
+    'solver.damping': Parameter(
+        NUMBER,
+        'λ of the damped least squares, in the units of the singular values of J',
+        default=0.1,
+        minimum=0.0,
+        runtime=True,
+    ),
+    'timeouts.joint_state': Parameter(
+        NUMBER,
+        'Time [s] without a joint state after which the command goes to zero',
+        default=0.1,
+        above=0.0,
+    ),
+    'timeouts.feedforward': Parameter(
+        NUMBER,
+        'Age [s] after which a feedforward message gives way to the configured value',
+        default=0.5,
+        above=0.0,
+    ),
+    'hierarchy': Parameter(
+        TEXTS,
+        'Task names, highest priority first; "a + b" puts two on one level',
+        default=REQUIRED,
+        runtime=True,
+    ),
+}
+"""Parameters of the controller, those of its tasks excepted."""
+
+
+def task_names(flat: Mapping[str, Any]) -> list[str]:
+    """Names of the tasks that have a ``tasks.<name>.…`` key, in their first order."""
+    return list(dict.fromkeys(key.split('.')[1] for key in flat if key.startswith('tasks.')))
+
+
+def controller_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
+    """Parameters of a controller with the tasks that the values name.
+
+    Parameters
+    ----------
+    flat
+        Values by dotted key.
+
+    Raises
+    ------
+    InvalidValue
+        For a task name that cannot stand in a topic name, or a task without a known type.
+    """
+    schema = dict(CONTROLLER)
+    for name in task_names(flat):
+        if not NAME.fullmatch(name):
+            raise InvalidValue(
+                f'tasks.{name}',
+                f'a task called {shown(name)}',
+                'names of letters, digits and _ that begin with a letter',
+            )
+        kind = Parameter(TEXT, COMMON['type'].description, REQUIRED, choices=tuple(TASK_TYPES))
+        key = f'tasks.{name}.type'
+        if flat.get(key) is None:
+            raise InvalidValue(key, 'no value', kind.accepts)
+        task_type = TASK_TYPES[kind.read(key, flat[key])]
+        for leaf, parameter in {**COMMON, 'type': kind, **task_type.parameters}.items():
+            schema[f'tasks.{name}.{leaf}'] = parameter
+    return schema

@@ -1,0 +1,52 @@
+"""Errors that a user can cause, each with what, where and what is accepted."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class TaskPriorityError(Exception):
+    """Root of every error that this package raises on purpose."""
+
+
+class InvalidValue(TaskPriorityError):
+    """A parameter, goal or argument that cannot be used.
+
+    Parameters
+    ----------
+    key
+        Name of the offending value, dotted as in a parameter file.
+    got
+        What was found, as text.
+    accepts
+        What would be accepted, as text.
+    """
+
+    def __init__(self, key: str, got: str, accepts: str) -> None:
+        self.key = key
+        self.got = got
+        self.accepts = accepts
+        super().__init__(f'{key}: got {got}; accepts {accepts}')
+
+    def under(self, prefix: str) -> InvalidValue:
+        """Return the same error for ``prefix.key``."""
+        return InvalidValue(f'{prefix}.{self.key}', self.got, self.accepts)
+
+
+class UnusableState(TaskPriorityError):
+    """A joint state from which no finite command follows."""
+
+
+def shown(value: Any, longest: int = 80) -> str:
+    """Text of a value for an error message, cut when it is long."""
+    if hasattr(value, 'tolist'):
+        value = value.tolist()
+    elif isinstance(value, tuple):
+        value = list(value)
+    text = repr(value)
+    return text if len(text) <= longest else f'{text[: longest - 3]}...'
+
+
+def listed(names: Any) -> str:
+    """Comma-separated names for the 'accepts' part of a message."""
+    return ', '.join(str(name) for name in names) or 'nothing'

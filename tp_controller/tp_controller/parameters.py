@@ -1,0 +1,171 @@
+"""Description of parameters, and values read by it."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from tp_controller.errors import InvalidValue, listed, shown
+
+NUMBER = 'number'
+NUMBERS = 'numbers'
+TEXT = 'text'
+TEXTS = 'texts'
+BOOLEAN = 'boolean'
+
+REQUIRED = object()
+"""Default of a parameter that has to be given."""
+
+NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
+"""What a task may be called: its name becomes part of topic names."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter: what it is, what it accepts and what it is when left out."""
+
+    kind: str
+    description: str
+    default: Any = None
+    """Value when left out; None if there is none, `REQUIRED` if it has to be given."""
+    minimum: float | None = None
+    above: float | None = None
+    """Exclusive lower bound."""
+    choices: tuple[str, ...] = ()
+    runtime: bool = False
+    """Whether it may change while the node runs."""
+    accepts: str = field(init=False, default='')
+    """The accepted values in words."""
+
+    def __post_init__(self) -> None:
+        """Put the accepted values into words."""
+        words = {
+            NUMBER: 'a number',
+            NUMBERS: 'a list of numbers',
+            TEXT: 'a text',
+            TEXTS: 'a list of texts',
+            BOOLEAN: 'true or false',
+        }[self.kind]
+        if self.choices:
+            words = f'one of {listed(self.choices)}'
+        elif self.minimum is not None:
+            words += f' of at least {self.minimum:g}'
+        elif self.above is not None:
+            words += f' above {self.above:g}'
+        object.__setattr__(self, 'accepts', words)
+
+    def read(self, key: str, value: Any) -> Any:
+        """Check a value and bring it to its plain form.
+
+        Returns
+        -------
+        float, str, bool or a tuple of the first two
+            A list parameter given as one value becomes a tuple of one.
+
+        Raises
+        ------
+        InvalidValue
+            If the value is not of the parameter's kind or outside its range.
+        """
+        if self.kind == NUMBER:
+            return self._number(key, value, value)
+        if self.kind == BOOLEAN:
+            if not isinstance(value, bool):
+                raise InvalidValue(key, shown(value), self.accepts)
+            return value
+        if self.kind == TEXT:
+            return self._text(key, value, value)
+        if isinstance(value, str | bool | int | float):
+            value = [value]
+        try:
+            items = list(value)
+        except TypeError:
+            raise InvalidValue(key, shown(value), self.accepts) from None
+        read_item = self._number if self.kind == NUMBERS else self._text
+        return tuple(read_item(key, item, items) for item in items)
+
+    def _number(self, key: str, item: Any, value: Any) -> float:
+        if isinstance(item, bool) or not isinstance(item, int | float):
+            raise InvalidValue(key, shown(value), self.accepts)
+        number = float(item)
+        if not math.isfinite(number):
+            raise InvalidValue(key, shown(value), f'{self.accepts}, all finite')
+        too_low = self.minimum is not None and number < self.minimum
+        if too_low or (self.above is not None and number <= self.above):
+            raise InvalidValue(key, shown(value), self.accepts)
+        return number
+
+    def _text(self, key: str, item: Any, value: Any) -> str:
+        if not isinstance(item, str) or (self.choices and item not in self.choices):
+            raise InvalidValue(key, shown(value), self.accepts)
+        return item
+
+
+Flat = dict[str, Any]
+"""Parameter values by full dotted key."""
+
+
+def flatten(nested: Mapping[str, Any], prefix: str = '') -> Flat:
+    """Dotted keys of a nested dictionary, as ROS 2 makes them of a parameter file.
+
+    Raises
+    ------
+    InvalidValue
+        If a key is not a text.
+    """
+    flat: Flat = {}
+    for key, value in nested.items():
+        if not isinstance(key, str):
+            raise InvalidValue(f'{prefix}{key}', f'a key {shown(key)}', 'texts as keys')
+        if isinstance(value, Mapping):
+            flat.update(flatten(value, f'{prefix}{key}.'))
+        else:
+            flat[f'{prefix}{key}'] = value
+    return flat
+
+
+def read_all(flat: Mapping[str, Any], schema: Mapping[str, Parameter]) -> Flat:
+    """Check values against a schema and fill in the defaults.
+
+    Parameters
+    ----------
+    flat
+        Values by dotted key.
+    schema
+        Parameters by dotted key.
+
+    Returns
+    -------
+    dict
+        A value for every key of the schema.
+
+    Raises
+    ------
+    InvalidValue
+        For a key that the schema does not have, a value that its parameter does not
+        accept, or a required value that is missing.
+    """
+    for key in flat:
+        if key not in schema:
+            raise InvalidValue(key, 'an unknown parameter', _alternatives(key, schema))
+    values: Flat = {}
+    for key, parameter in schema.items():
+        if flat.get(key) is not None:
+            values[key] = parameter.read(key, flat[key])
+        elif parameter.default is REQUIRED:
+            raise InvalidValue(key, 'no value', parameter.accepts)
+        else:
+            values[key] = parameter.default
+    return values
+
+
+def _alternatives(key: str, schema: Mapping[str, Parameter]) -> str:
+    """Keys that may have been meant: close ones first, else those beside it."""
+    close = difflib.get_close_matches(key, schema, n=1, cutoff=0.8)
+    beside = [name for name in schema if name.rpartition('.')[0] == key.rpartition('.')[0]]
+    hint = f'{close[0]} (did you mean that?), ' if close else ''
+    return hint + listed(name for name in (beside or schema) if name not in close)

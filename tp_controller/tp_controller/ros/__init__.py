@@ -1,0 +1,1 @@
+"""The ROS 2 side: messages and parameters to arrays, and back."""

@@ -1,0 +1,216 @@
+"""The controller node."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from tp_controller.config import build_settings, check_changes, controller_schema
+from tp_controller.errors import InvalidValue, UnusableState
+from tp_controller.ros.feedforward import FeedforwardOverrides
+from tp_controller.ros.goals import GOAL_TYPES, GoalReader, feedforward_type
+from tp_controller.ros.joint_states import JointStateReader
+from tp_controller.ros.parameters import describe_parameters, given_parameters
+from tp_controller.ros.state import StateMessage, field_view
+from tp_controller.tasks import Task
+from tp_interfaces.msg import ControllerState
+
+QUEUE_DEPTH = 100
+"""Messages that wait while the process is not scheduled: 0.1 s at 1 kHz."""
+HEARTBEAT = 0.1
+"""Time [s] between states while no joint state comes."""
+
+
+class ControllerNode(Node):
+    """Answers every joint state with a joint velocity command."""
+
+    def __init__(self) -> None:
+        super().__init__('tp_controller', automatically_declare_parameters_from_overrides=True)
+        given = given_parameters(self)
+        self._settings = build_settings(given)
+        values = self._settings.values
+        self._schema = controller_schema(values)
+        describe_parameters(self, self._schema, values)
+        self._stack = self._settings.stack
+        robot = self._stack.robot
+        if values['robot.limits.acceleration'] is not None:
+            self.get_logger().warning('robot.limits.acceleration: not enforced yet')
+
+        self._q = np.zeros(robot.n)
+        self._joint_states = JointStateReader(robot.joints)
+        self._goals = GoalReader(robot)
+        self._feedforwards = FeedforwardOverrides(
+            values['timeouts.feedforward'], self._configured_feedforward
+        )
+        self._state = StateMessage(self._stack)
+        self._last_seen = 0.0
+        self._last_heartbeat = 0.0
+
+        self._make_command_publisher(values['command.type'])
+        self._state_publisher = self.create_publisher(ControllerState, '~/state', QUEUE_DEPTH)
+        for task in self._stack.tasks.values():
+            self.create_subscription(
+                GOAL_TYPES[task.type], f'~/{task.name}/goal', partial(self._on_goal, task), 10
+            )
+            self.create_subscription(
+                feedforward_type(task.type),
+                f'~/{task.name}/feedforward',
+                partial(self._on_feedforward, task),
+                10,
+            )
+        self.create_subscription(
+            JointState, 'joint_states', self._on_joint_state, QUEUE_DEPTH
+        )
+        self._stale_after = values['timeouts.joint_state']
+        self.create_timer(
+            min(self._stale_after / 4.0, HEARTBEAT),
+            self._watch,
+            clock=Clock(clock_type=ClockType.STEADY_TIME),
+        )
+        self._pending_changes: Callable[[], None] | None = None
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._apply_parameters)
+        self.get_logger().info(f'waiting for joint states; tasks by level: {self._levels()}')
+
+    def stop(self) -> None:
+        """Bring the robot to rest: publish a zero command and wait until it has arrived."""
+        self._publish_zero()
+        self._command_publisher.wait_for_all_acked(Duration(seconds=1))
+
+    def _levels(self) -> str:
+        return ', '.join(self._stack.hierarchy)
+
+    # Cycle
+
+    def _on_joint_state(self, msg: JointState) -> None:
+        start = time.perf_counter()
+        state = self._state.msg
+        try:
+            self._joint_states.read(msg, self._q)
+            if self._feedforwards:
+                self._feedforwards.expire(msg.header.stamp)
+            step = self._stack.step(self._q)
+        except (InvalidValue, UnusableState) as error:
+            state.ignored_states += 1
+            self._warn(f'joint state ignored: {error}')
+            return
+        self._velocity[:] = step.command
+        if self._stamped:
+            self._command.header.stamp = msg.header.stamp
+        self._command_publisher.publish(self._command)
+
+        self._last_seen = time.monotonic()
+        state.cycles += 1
+        state.header.stamp = msg.header.stamp
+        state.scale = step.scale
+        state.solve_time = time.perf_counter() - start
+        if state.status != ControllerState.RUNNING:
+            self._change_status(ControllerState.RUNNING, 'running')
+            self._goals.robot_seen = True
+        if self._state_publisher.get_subscription_count():
+            self._state.refresh(step.command)
+            self._state_publisher.publish(state)
+
+    def _watch(self) -> None:
+        """Bring the robot to rest when joint states stop, and show that the node lives."""
+        now = time.monotonic()
+        state = self._state.msg
+        if state.status == ControllerState.RUNNING:
+            if now - self._last_seen <= self._stale_after:
+                return
+            self._publish_zero()
+            self._state.refresh(self._velocity)
+            self._change_status(
+                ControllerState.STALE, f'no joint state for {self._stale_after:g} s: zero command'
+            )
+        elif now - self._last_heartbeat < HEARTBEAT:
+            return
+        self._last_heartbeat = now
+        self._state_publisher.publish(state)
+
+    def _change_status(self, status: int, message: str) -> None:
+        self._state.msg.status = status
+        self.get_logger().info(message)
+
+    def _make_command_publisher(self, command_type: str) -> None:
+        n = self._stack.robot.n
+        self._stamped = command_type == 'joint_state'
+        if self._stamped:
+            self._command: Any = JointState(name=list(self._stack.robot.joints))
+            self._velocity = field_view(self._command, 'velocity', n)
+        else:
+            self._command = Float64MultiArray()
+            self._velocity = field_view(self._command, 'data', n)
+        self._command_publisher = self.create_publisher(
+            type(self._command), 'joint_velocity_command', QUEUE_DEPTH
+        )
+
+    def _publish_zero(self) -> None:
+        self._velocity[:] = 0.0
+        if self._stamped:
+            # It answers no joint state; an old stamp could make a driver drop it.
+            self._command.header.stamp = self.get_clock().now().to_msg()
+        self._command_publisher.publish(self._command)
+
+    # Input while running
+
+    def _on_goal(self, task: Task, msg: Any) -> None:
+        try:
+            task.target = self._goals.target(task, msg)
+        except InvalidValue as error:
+            self._reject(task, 'goal', error)
+        else:
+            self._state.task(task.name).accepted_goals += 1
+            self._state.refresh_target(task.name, self._goals.robot_seen)
+        self._state_publisher.publish(self._state.msg)
+
+    def _on_feedforward(self, task: Task, msg: Any) -> None:
+        configured = self._configured_feedforward(task)
+        try:
+            task.feedforward = self._goals.feedforward(task, msg, configured)
+        except InvalidValue as error:
+            self._reject(task, 'feedforward', error)
+        else:
+            self._state.task(task.name).accepted_feedforwards += 1
+            self._feedforwards.begin(task)
+        self._state_publisher.publish(self._state.msg)
+
+    def _configured_feedforward(self, task: Task) -> np.ndarray:
+        values = self._settings.values[f'tasks.{task.name}.feedforward']
+        return np.zeros(task.k) if values is None else np.array(values)
+
+    def _reject(self, task: Task, what: str, error: InvalidValue) -> None:
+        self._state.msg.rejected_goals += 1
+        self._state.task(task.name).rejected_goals += 1
+        self._warn(f'{task.name}: {what} rejected: {error}')
+
+    def _warn(self, message: str) -> None:
+        self._state.msg.message = message
+        self.get_logger().warning(message, throttle_duration_sec=1.0)
+
+    # Parameters
+
+    def _check_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
+        changes = {p.name: p.value for p in parameters if p.name in self._schema}
+        try:
+            self._pending_changes = check_changes(self._settings, self._schema, changes)
+        except InvalidValue as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply_parameters(self, parameters: Sequence[RosParameter]) -> None:
+        if self._pending_changes is not None:
+            self._pending_changes()
+            self._pending_changes = None
+            self._state.follow_hierarchy()

@@ -1,0 +1,70 @@
+"""Joint positions by name out of joint states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from sensor_msgs.msg import JointState
+
+from tp_controller.errors import InvalidValue, listed, shown
+
+
+class JointStateReader:
+    """Reads values per joint from messages in any order, with extra joints or without.
+
+    Parameters
+    ----------
+    joints
+        Names (n,) of the joints to read.
+    what
+        What the message is, for error messages.
+    field
+        ``position`` or ``velocity``: which array of the message to read.
+    """
+
+    def __init__(
+        self, joints: Sequence[str], what: str = 'joint state', field: str = 'position'
+    ) -> None:
+        self._joints = joints
+        self._what = what
+        self._field = field
+        self._names: list[str] = []
+        self._indices = np.zeros(0, dtype=int)
+
+    def read(self, msg: JointState, out: NDArray[np.float64]) -> None:
+        """Write the values (n,) in joint order to ``out``.
+
+        Raises
+        ------
+        InvalidValue
+            If a joint is missing or stands twice, there are not as many values as names,
+            or a value is not finite. Nothing is written then.
+        """
+        if msg.name != self._names:
+            self._indices = self._find(msg.name)
+            self._names = msg.name
+        values = getattr(msg, self._field)
+        if len(values) != len(self._names):
+            raise InvalidValue(
+                f'{self._what} {self._field}',
+                f'{len(values)} values for {len(self._names)} names',
+                'one value for each name',
+            )
+        picked = np.frombuffer(values)[self._indices]
+        if not np.isfinite(picked).all():
+            raise InvalidValue(f'{self._what} {self._field}', shown(picked), 'finite numbers')
+        out[:] = picked
+
+    def _find(self, names: Sequence[str]) -> NDArray[np.int_]:
+        for joint in self._joints:
+            count = names.count(joint)
+            if count != 1:
+                what = f'no {joint!r}' if count == 0 else f'{joint!r} {count} times'
+                raise InvalidValue(
+                    f'{self._what} name',
+                    f'{what} in {shown(list(names))}',
+                    f'each of {listed(self._joints)} once',
+                )
+        return np.array([names.index(joint) for joint in self._joints])

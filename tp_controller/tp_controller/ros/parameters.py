@@ -1,0 +1,46 @@
+"""ROS 2 parameters of a node, described by a schema."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
+
+from tp_controller.parameters import Flat, Parameter
+
+ROS_OWN = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
+"""Parameters that ROS 2 itself puts on every node."""
+
+
+def given_parameters(node: Node) -> Flat:
+    """Values by dotted key that the node was started with.
+
+    The node declares them by itself, ``automatically_declare_parameters_from_overrides``.
+    """
+    found = node.get_parameters_by_prefix('')
+    return {
+        key: parameter.value for key, parameter in found.items() if not key.startswith(ROS_OWN)
+    }
+
+
+def describe_parameters(
+    node: Node, schema: Mapping[str, Parameter], values: Mapping[str, Any]
+) -> None:
+    """Give every parameter of a schema its description, and its value if it has none yet."""
+    for key, parameter in schema.items():
+        descriptor = ParameterDescriptor(
+            name=key,
+            description=parameter.description,
+            additional_constraints=parameter.accepts,
+            read_only=not parameter.runtime,
+            dynamic_typing=True,
+        )
+        if node.has_parameter(key):
+            node.set_descriptor(key, descriptor)
+        else:
+            value = values[key]
+            node.declare_parameter(
+                key, list(value) if isinstance(value, tuple) else value, descriptor
+            )

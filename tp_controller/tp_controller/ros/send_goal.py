@@ -1,0 +1,140 @@
+"""Executable that sends one goal to a task, for people."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+
+import rclpy
+from rclpy.node import Node
+from rclpy.utilities import remove_ros_args
+
+from tp_controller.errors import InvalidValue, listed
+from tp_controller.ros.goals import GOAL_TYPES, goal_message
+from tp_interfaces.msg import ControllerState, TaskState
+
+REFUSED = 2
+UNANSWERED = 3
+
+
+def main() -> int:
+    """Send a goal and say what became of it.
+
+    Returns
+    -------
+    int
+        Exit status: 0 accepted, 2 refused, 3 no answer from the controller.
+    """
+    arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
+    rclpy.init()
+    node = rclpy.create_node('send_goal')
+    try:
+        print(_GoalSender(node, arguments.controller, arguments.timeout).send(arguments))
+    except InvalidValue as error:
+        return _fail(str(error), REFUSED)
+    except TimeoutError as error:
+        return _fail(str(error), UNANSWERED)
+    except KeyboardInterrupt:
+        return _fail('interrupted', UNANSWERED)
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='send_goal',
+        description='Send a goal to a task of a running controller.',
+        epilog='examples: send_goal ee_position 1.0 0.5    send_goal ee_orientation 1.57',
+    )
+    parser.add_argument('task', help='name of the task')
+    parser.add_argument(
+        'values',
+        nargs='+',
+        type=float,
+        help='as target in the parameter file: one per axis, joint or angle; a quaternion '
+        'x y z w for a rotation about more than one axis',
+    )
+    parser.add_argument(
+        '--frame', default='', help='frame that the values are given in (default: the base frame)'
+    )
+    parser.add_argument(
+        '--controller', default='tp_controller', help='name of the node (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--timeout', type=float, default=5.0, help='time [s] for an answer (default: %(default)s)'
+    )
+    return parser
+
+
+def _fail(message: str, status: int) -> int:
+    print(f'send_goal: {message}', file=sys.stderr)
+    return status
+
+
+class _GoalSender:
+    """Finds a controller by its state, sends it a goal and watches its counters."""
+
+    def __init__(self, node: Node, controller: str, timeout: float) -> None:
+        self._node = node
+        self._controller = controller
+        self._timeout = timeout
+        self._state: ControllerState | None = None
+        node.create_subscription(ControllerState, f'{controller}/state', self._on_state, 10)
+
+    def send(self, arguments: argparse.Namespace) -> str:
+        """Send the goal; return what became of it.
+
+        Raises
+        ------
+        InvalidValue
+            If there is no such task, the values do not fit, or the controller refuses.
+        TimeoutError
+            If the controller does not answer.
+        """
+        topic = self._node.resolve_topic_name(f'{self._controller}/state')
+        self._wait(lambda: self._state is not None, f'no controller speaks on {topic}')
+        before = self._task(arguments.task)
+        msg = goal_message(before, arguments.values, arguments.frame)
+        publisher = self._node.create_publisher(
+            GOAL_TYPES[before.type], f'{self._controller}/{arguments.task}/goal', 10
+        )
+        self._wait(lambda: publisher.get_subscription_count() > 0, f'{topic} takes no goals')
+        publisher.publish(msg)
+
+        def answered() -> bool:
+            now = self._task(arguments.task)
+            return (
+                now.accepted_goals + now.rejected_goals
+                > before.accepted_goals + before.rejected_goals
+            )
+
+        self._wait(answered, 'the controller did not answer')
+        after = self._task(arguments.task)
+        if after.rejected_goals > before.rejected_goals:
+            assert self._state is not None
+            raise InvalidValue(arguments.task, self._state.message, 'see there')
+        desired = ' '.join(f'{value:.4g}' for value in after.desired)
+        note = '' if after.enabled else ' (idle: the task is not in the hierarchy)'
+        return f'{arguments.task}: accepted, desired {desired}{note}'
+
+    def _task(self, name: str) -> TaskState:
+        assert self._state is not None
+        for task in self._state.tasks:
+            if task.name == name:
+                return task
+        names = [task.name for task in self._state.tasks]
+        raise InvalidValue('task', repr(name), f'one of {listed(names)}')
+
+    def _on_state(self, msg: ControllerState) -> None:
+        self._state = msg
+
+    def _wait(self, condition: Callable[[], bool], otherwise: str) -> None:
+        end = time.monotonic() + self._timeout
+        while not condition():
+            if time.monotonic() > end:
+                raise TimeoutError(f'{otherwise} (waited {self._timeout:g} s)')
+            rclpy.spin_once(self._node, timeout_sec=0.1)

@@ -1,0 +1,122 @@
+"""The controller's state as a message whose arrays are made once."""
+
+from __future__ import annotations
+
+from array import array
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.stack import Stack
+from tp_controller.tasks import Task
+from tp_interfaces.msg import ControllerState, TaskState
+
+Vector = NDArray[np.float64]
+
+
+def field_view(msg: Any, field: str, size: int) -> Vector:
+    """Make a float64[] field of a message ``size`` long; return a view that writes into it.
+
+    The view is taken from the message itself, whose constructor and setters copy.
+    """
+    setattr(msg, field, array('d', bytes(8 * size)))
+    return np.frombuffer(getattr(msg, field)) if size else np.zeros(0)
+
+
+class StateMessage:
+    """Keeps a ControllerState equal to a stack.
+
+    Parameters
+    ----------
+    stack
+        The stack that it tells about.
+
+    Attributes
+    ----------
+    msg
+        The message; status, counters and times are set by its owner.
+    """
+
+    def __init__(self, stack: Stack) -> None:
+        self._stack = stack
+        robot = stack.robot
+        self.msg = ControllerState()
+        self.msg.header.frame_id = robot.base_frame
+        self.msg.scale = 1.0
+        self.msg.joint_names = list(robot.joints)
+        self._position = field_view(self.msg, 'position', robot.n)
+        self._command = field_view(self.msg, 'command', robot.n)
+        self._tasks = {name: _TaskMessage(task) for name, task in stack.tasks.items()}
+        self.msg.tasks = [entry.msg for entry in self._tasks.values()]
+        self.follow_hierarchy()
+
+    def task(self, name: str) -> TaskState:
+        """Part of the message about one task."""
+        return self._tasks[name].msg
+
+    def follow_hierarchy(self) -> None:
+        """Take over levels after the stack's hierarchy has changed."""
+        for name, entry in self._tasks.items():
+            level = self._stack.level_of(name)
+            velocities = self._stack.velocities_of(name) if level >= 0 else None
+            entry.set_level(level, velocities)
+
+    def refresh(self, command: Vector) -> None:
+        """Fill in what the stack computed in its last step, and the command (n,)."""
+        self._position[:] = self._stack.robot.q
+        self._command[:] = command
+        for entry in self._tasks.values():
+            entry.refresh()
+
+    def refresh_target(self, name: str, located: bool) -> None:
+        """Fill in one task's new target; its error too once the robot is `located`."""
+        entry = self._tasks[name]
+        entry.refresh_target()
+        if located:
+            entry.refresh(stepped=False)
+
+
+class _TaskMessage:
+    """A TaskState whose arrays are views into the message."""
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self._velocities: tuple[Vector, Vector] | None = None
+        self.msg = TaskState(
+            name=task.name,
+            type=task.type,
+            frame=task.frame_name,
+            components=list(task.components),
+        )
+        self._desired = field_view(self.msg, 'desired', task.target_size)
+        self._current = field_view(self.msg, 'current', task.target_size)
+        self._error = field_view(self.msg, 'error', task.k)
+        self._requested = field_view(self.msg, 'requested_velocity', task.k)
+        self._achieved = field_view(self.msg, 'achieved_velocity', task.k)
+        self.refresh_target()
+
+    def set_level(self, level: int, velocities: tuple[Vector, Vector] | None) -> None:
+        """Put the task on a level, -1 outside the hierarchy, with its velocities there."""
+        self._velocities = velocities
+        self.msg.level = level
+        self.msg.enabled = self.msg.active = level >= 0
+        self._requested[:] = self._achieved[:] = 0.0
+
+    def refresh_target(self) -> None:
+        """Fill in the desired value, if there is one yet."""
+        target = self._task.target
+        if target is not None:
+            self._desired[:] = target
+
+    def refresh(self, stepped: bool = True) -> None:
+        """Fill in the task; `stepped` if the stack has just updated its hierarchy."""
+        task = self._task
+        if not stepped or self._velocities is None:
+            task.update()
+        if self._velocities is not None:
+            self._requested[:], self._achieved[:] = self._velocities
+        self.refresh_target()
+        self._current[:] = task.current
+        self._error[:] = task.error
+        self.msg.error_norm = float(np.sqrt(self._error @ self._error))

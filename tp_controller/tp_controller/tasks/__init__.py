@@ -1,0 +1,24 @@
+"""Tasks by the type names of parameter files."""
+
+from tp_controller.tasks.base import COMMON, Task
+from tp_controller.tasks.frame import FrameTask
+from tp_controller.tasks.joint import JointTask
+from tp_controller.tasks.orientation import OrientationTask
+from tp_controller.tasks.pose import PoseTask
+from tp_controller.tasks.position import PositionTask
+
+TASK_TYPES: dict[str, type[Task]] = {
+    task.type: task for task in (PositionTask, OrientationTask, PoseTask, JointTask)
+}
+"""Task classes by the ``type`` of parameter files."""
+
+__all__ = [
+    'COMMON',
+    'TASK_TYPES',
+    'FrameTask',
+    'JointTask',
+    'OrientationTask',
+    'PoseTask',
+    'PositionTask',
+    'Task',
+]

@@ -1,0 +1,207 @@
+"""What every task is: an error, a Jacobian and a desired velocity."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.parameters import NUMBERS, TEXT, Parameter
+from tp_controller.errors import InvalidValue, shown
+from tp_controller.robot import Robot
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+COMMON: Mapping[str, Parameter] = {
+    'type': Parameter(TEXT, 'Kind of task'),
+    'gain': Parameter(
+        NUMBERS,
+        'Gain [1/s]: one value, one per row, or a full matrix row by row',
+        default=(1.0,),
+        runtime=True,
+    ),
+    'feedforward': Parameter(
+        NUMBERS,
+        'Desired task velocity added to the gain term, one value per row; zero when left out',
+        runtime=True,
+    ),
+    'target': Parameter(
+        NUMBERS,
+        'First desired value; the value at the first joint state when left out',
+        runtime=True,
+    ),
+}
+
+
+class Task(ABC):
+    """A task variable to be brought to a desired value.
+
+    The desired task velocity is ``K error + feedforward`` with ``error = desired - current``.
+
+    Parameters
+    ----------
+    name
+        Name of the task.
+    robot
+        The robot that carries the task out.
+    components
+        Name of each of the k rows.
+
+    Attributes
+    ----------
+    error
+        Desired minus current (k,), rotations by the shortest way; filled by `update`.
+    J
+        Task Jacobian (k, n); filled by `update`.
+    """
+
+    type: ClassVar[str]
+    """Name of the kind in parameter files."""
+    parameters: ClassVar[Mapping[str, Parameter]]
+    """Parameters of the kind beside the common ones, in parameter files."""
+    target_words: ClassVar[str]
+    """What the values of a target are, for messages."""
+
+    def __init__(self, name: str, robot: Robot, components: Sequence[str]) -> None:
+        self.name = name
+        self.robot = robot
+        self.components = tuple(components)
+        self.k = len(self.components)
+        self.error: Vector = np.zeros(self.k)
+        self.J: Matrix = np.zeros((self.k, robot.n))
+        self._K: Matrix = np.eye(self.k)
+        self._feedforward: Vector = np.zeros(self.k)
+        self._target: Vector | None = None
+
+    @classmethod
+    @abstractmethod
+    def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> Task:
+        """Make the task from the checked values of its `parameters`."""
+
+    @property
+    def frame_name(self) -> str:
+        """Name of the controlled frame, empty if there is none."""
+        return ''
+
+    @property
+    @abstractmethod
+    def target_size(self) -> int:
+        """Number of values of a target."""
+
+    @property
+    @abstractmethod
+    def current(self) -> Vector:
+        """Present value in the form of a target; a copy."""
+
+    @abstractmethod
+    def update(self) -> None:
+        """Compute `error` and `J` at the robot's present configuration."""
+
+    @property
+    def target(self) -> Vector | None:
+        """Desired value, None before the first one; a copy."""
+        return None if self._target is None else self._target.copy()
+
+    @target.setter
+    def target(self, values: Sequence[float] | Vector) -> None:
+        self._target = self.check_target(values)
+
+    def check_target(self, values: Sequence[float] | Vector) -> Vector:
+        """Copy of a desired value (target_size,) in its normal form.
+
+        Raises
+        ------
+        InvalidValue
+            For a wrong number of values or one that is not finite.
+        """
+        if len(values) != self.target_size:
+            self._refuse_target(values)
+        target = np.array(values, dtype=float)
+        if not np.all(np.isfinite(target)):
+            raise InvalidValue('target', shown(target), 'finite numbers')
+        return target
+
+    def _refuse_target(self, values: Sequence[float] | Vector) -> NoReturn:
+        raise InvalidValue(
+            'target', _counted(values), f'{_values(self.target_size)} ({self.target_words})'
+        )
+
+    def hold(self) -> None:
+        """Take the present value as the target."""
+        self._target = self.current
+
+    @property
+    def gain(self) -> Matrix:
+        """Gain matrix K (k, k) [1/s]; a copy."""
+        return self._K.copy()
+
+    @gain.setter
+    def gain(self, values: Sequence[float]) -> None:
+        self._K = self.check_gain(values)
+
+    def check_gain(self, values: Sequence[float]) -> Matrix:
+        """Gain matrix (k, k) of one value, k values or k*k values row by row.
+
+        Raises
+        ------
+        InvalidValue
+            For a wrong number of values, one that is not finite, or a gain that drives a
+            task away from its target (a negative value; a matrix whose symmetric part
+            has a negative eigenvalue).
+        """
+        k = self.k
+        if len(values) not in (1, k, k * k):
+            accepts = '1 value' if k == 1 else f'1, {k} or {k * k} values'
+            words = '' if k == 1 else f' (for all rows, one per row, a {k}x{k} matrix row by row)'
+            raise InvalidValue('gain', _counted(values), accepts + words)
+        K = np.array(values, dtype=float)
+        if not np.all(np.isfinite(K)):
+            raise InvalidValue('gain', shown(K), 'finite numbers')
+        K = K.reshape(k, k) if K.size == k * k else np.diag(np.broadcast_to(K, (k,)))
+        if np.linalg.eigvalsh(K + K.T).min() < -1e-9 * np.abs(K).max(initial=0.0):
+            raise InvalidValue(
+                'gain', shown(list(values)), 'values of at least 0, or a positive matrix'
+            )
+        return K
+
+    @property
+    def feedforward(self) -> Vector:
+        """Desired task velocity added to the gain term (k,); a copy."""
+        return self._feedforward.copy()
+
+    @feedforward.setter
+    def feedforward(self, values: Sequence[float] | Vector) -> None:
+        self._feedforward = self.check_feedforward(values)
+
+    def check_feedforward(self, values: Sequence[float] | Vector) -> Vector:
+        """Copy of a desired task velocity (k,).
+
+        Raises
+        ------
+        InvalidValue
+            For a wrong number of values or one that is not finite.
+        """
+        if len(values) != self.k:
+            accepts = f'{_values(self.k)} ({", ".join(self.components)})'
+            raise InvalidValue('feedforward', _counted(values), accepts)
+        velocity = np.array(values, dtype=float)
+        if not np.all(np.isfinite(velocity)):
+            raise InvalidValue('feedforward', shown(velocity), 'finite numbers')
+        return velocity
+
+    def desired_velocity(self, out: Vector) -> None:
+        """Write ``K error + feedforward`` (k,) of the last update to ``out``."""
+        np.dot(self._K, self.error, out=out)
+        out += self._feedforward
+
+
+def _values(count: int) -> str:
+    return '1 value' if count == 1 else f'{count} values'
+
+
+def _counted(values: Sequence[float] | Vector) -> str:
+    return f'{_values(len(values))} {shown(values)}'

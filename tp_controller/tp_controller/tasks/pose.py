@@ -1,0 +1,124 @@
+"""Position and orientation of a frame as one task."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.parameters import REQUIRED, TEXT, Parameter
+from tp_controller.robot import Robot
+from tp_controller.tasks.frame import FrameTask, axis_rows
+from tp_controller.tasks.orientation import OrientationTask
+from tp_controller.tasks.position import PositionTask
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+class PoseTask(FrameTask):
+    """Brings a frame to a position and an orientation at once.
+
+    Its rows are those of a `PositionTask`, then those of an `OrientationTask`; on a planar
+    arm with axes ``xy`` and ``z`` it is the configuration (x, y, angle).
+
+    Parameters
+    ----------
+    name
+        Name of the task.
+    robot
+        The robot that carries the task out.
+    frame
+        Name of the controlled frame.
+    position_axes, orientation_axes
+        Letters of the controlled base axes.
+    """
+
+    type = 'pose'
+    parameters = {
+        'frame': Parameter(TEXT, 'Controlled frame', default=REQUIRED),
+        'position_axes': Parameter(
+            TEXT, 'Controlled axes of the position, out of xyz', default='xyz'
+        ),
+        'orientation_axes': Parameter(
+            TEXT, 'Controlled axes of the orientation, out of xyz', default='xyz'
+        ),
+    }
+
+    def __init__(
+        self,
+        name: str,
+        robot: Robot,
+        frame: str,
+        position_axes: str = 'xyz',
+        orientation_axes: str = 'xyz',
+    ) -> None:
+        position_rows = axis_rows('position_axes', position_axes)
+        orientation_rows = axis_rows('orientation_axes', orientation_axes, first=3)
+        super().__init__(name, robot, frame, position_rows + orientation_rows)
+        self._split = len(position_rows)
+        self._position = PositionTask(name, robot, frame, position_axes)
+        self._orientation = OrientationTask(name, robot, frame, orientation_axes)
+
+    @classmethod
+    def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> PoseTask:
+        """Make the task from checked values."""
+        return cls(
+            name, robot, values['frame'], values['position_axes'], values['orientation_axes']
+        )
+
+    @property
+    def target_words(self) -> str:  # type: ignore[override]
+        """What the values of a target are."""
+        return f'{self._position.target_words}, then {self._orientation.target_words}'
+
+    @property
+    def target_size(self) -> int:
+        """Values of the position, then those of the orientation."""
+        return self._position.target_size + self._orientation.target_size
+
+    @property
+    def current(self) -> Vector:
+        """Present position values, then orientation values; a copy."""
+        return np.concatenate([self._position.current, self._orientation.current])
+
+    def check_target(self, values: Sequence[float] | Vector) -> Vector:
+        """As `Task.check_target`; a quaternion is brought to unit length."""
+        target = super().check_target(values)
+        target[self._split :] = self._orientation.check_target(target[self._split :])
+        return target
+
+    @property
+    def target(self) -> Vector | None:
+        """Desired position values, then orientation values; a copy."""
+        return super().target
+
+    @target.setter
+    def target(self, values: Sequence[float] | Vector) -> None:
+        self._target = self.check_target(values)
+        self._position.target = self._target[: self._split]
+        self._orientation.target = self._target[self._split :]
+
+    def hold(self) -> None:
+        """Take the present pose as the target."""
+        self.target = self.current
+
+    def target_from_pose(self, position: Vector, rotation: Matrix) -> Vector:
+        """Target of a pose, position values then orientation values."""
+        return np.concatenate(
+            [
+                self._position.target_from_pose(position, rotation),
+                self._orientation.target_from_pose(position, rotation),
+            ]
+        )
+
+    def update(self) -> None:
+        """Compute `error` [m, rad] and `J` at the robot's present configuration."""
+        self._position.update()
+        self._orientation.update()
+        self.error[: self._split] = self._position.error
+        self.error[self._split :] = self._orientation.error
+        self.J[: self._split] = self._position.J
+        self.J[self._split :] = self._orientation.J

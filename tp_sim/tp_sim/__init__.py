@@ -1,0 +1,1 @@
+"""Kinematic simulator, launch-free test harness and demo."""

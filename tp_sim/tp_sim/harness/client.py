@@ -1,0 +1,254 @@
+"""The harness's own node: publishes, listens, calls services, waits for conditions."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import rclpy
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+
+from tp_controller.errors import listed
+from tp_controller.ros.goals import feedforward_message, goal_message
+from tp_interfaces.msg import ControllerState, TaskState
+from tp_sim.harness.domain import PrivateDomain
+from tp_sim.harness.errors import GoalRejected, HarnessError
+
+TIMEOUT = 20.0
+"""Longest wait [s] for an answer, generous for a loaded machine."""
+
+
+class Client:
+    """Talks to a controller and a simulator on a private domain.
+
+    Parameters
+    ----------
+    domain
+        The domain.
+    namespace
+        Namespace of the robot's nodes.
+    alive
+        Called while waiting; raises `HarnessError` when waiting is in vain.
+    """
+
+    def __init__(
+        self,
+        domain: PrivateDomain,
+        namespace: str = '',
+        alive: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._alive = alive
+        self._context = Context()
+        saved = os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE')
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+        try:
+            rclpy.init(args=[], context=self._context, domain_id=domain.number)
+        finally:
+            if saved is None:
+                del os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE']
+            else:
+                os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = saved
+        self.node: Node = rclpy.create_node(
+            'harness', context=self._context, namespace=namespace, use_global_arguments=False
+        )
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._publishers: dict[str, Publisher] = {}
+        self._service_clients: dict[str, Any] = {}
+        self.state: ControllerState | None = None
+        """Newest state of the controller."""
+        self.on_state: list[Callable[[ControllerState], None]] = []
+        """Called with every state of the controller."""
+        self.subscribe(ControllerState, 'tp_controller/state', self._keep_state)
+
+    def close(self) -> None:
+        """Leave the domain."""
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+
+    def wait_for(
+        self, condition: Callable[[], bool], what: str, timeout: float = TIMEOUT
+    ) -> None:
+        """Handle messages until a condition holds.
+
+        Raises
+        ------
+        HarnessError
+            If it does not within ``timeout`` [s].
+        """
+        end = time.monotonic() + timeout
+        while not condition():
+            if time.monotonic() > end:
+                raise HarnessError(f'waited {timeout:g} s in vain for {what}')
+            self._alive()
+            self._executor.spin_once(timeout_sec=0.1)
+
+    def spin_for(self, seconds: float) -> None:
+        """Handle messages for a time [s]."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            self._alive()
+            self._executor.spin_once(timeout_sec=min(left, 0.1))
+
+    def subscribe(
+        self, message_type: type, topic: str, callback: Callable[[Any], None]
+    ) -> None:
+        """Call back for every message of a topic, none of them dropped here."""
+        self.node.create_subscription(message_type, topic, callback, QoSProfile(depth=5000))
+
+    def collect(self, message_type: type, topic: str) -> list[Any]:
+        """List to which every further message of a topic is appended."""
+        messages: list[Any] = []
+        self.subscribe(message_type, topic, messages.append)
+        return messages
+
+    def publish(self, topic: str, msg: Any) -> None:
+        """Publish to a topic once somebody listens to it."""
+        if topic not in self._publishers:
+            self._publishers[topic] = self.node.create_publisher(type(msg), topic, 100)
+        publisher = self._publishers[topic]
+        self.wait_for(lambda: publisher.get_subscription_count() > 0, f'a listener to {topic}')
+        publisher.publish(msg)
+
+    def call(self, service_type: Any, name: str, request: Any, timeout: float = TIMEOUT) -> Any:
+        """Call a service and return its response.
+
+        Raises
+        ------
+        HarnessError
+            If there is none or it does not answer in time.
+        """
+        if name not in self._service_clients:
+            self._service_clients[name] = self.node.create_client(service_type, name)
+        client = self._service_clients[name]
+        self.wait_for(client.service_is_ready, f'the service {name}', timeout)
+        future = client.call_async(request)
+        self.wait_for(future.done, f'an answer of {name}', timeout)
+        return future.result()
+
+    def set_parameters(self, node: str, values: Mapping[str, Any]) -> None:
+        """Set parameters of a node, all of them or none.
+
+        Raises
+        ------
+        GoalRejected
+            If the node refuses, with its reason.
+        """
+        request = SetParametersAtomically.Request()
+        request.parameters = [
+            Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+        ]
+        service = f'{node}/set_parameters_atomically'
+        result = self.call(SetParametersAtomically, service, request).result
+        if not result.successful:
+            raise GoalRejected(result.reason)
+
+    def task(self, name: str) -> TaskState:
+        """Newest state of a task.
+
+        Raises
+        ------
+        HarnessError
+            If the controller has no such task.
+        """
+        self.wait_for(lambda: self.state is not None, 'a state of the controller')
+        assert self.state is not None
+        for task in self.state.tasks:
+            if task.name == name:
+                return task
+        names = [task.name for task in self.state.tasks]
+        raise HarnessError(f'no task {name!r}; there are {listed(names)}')
+
+    def send_goal(self, name: str, values: Sequence[float], frame: str = '') -> None:
+        """Send a goal and wait until the controller has taken it.
+
+        Parameters
+        ----------
+        name
+            Name of the task.
+        values
+            As ``target`` in a parameter file.
+        frame
+            Frame that they are given in; empty for the base frame.
+
+        Raises
+        ------
+        InvalidValue
+            If the values are not those of such a task.
+        GoalRejected
+            If the controller refuses.
+        """
+        self.publish_goal(name, goal_message(self.task(name), values, frame))
+
+    def publish_goal(self, name: str, msg: Any) -> None:
+        """Publish a goal message and wait until the controller has taken it.
+
+        Raises
+        ------
+        GoalRejected
+            If the controller refuses.
+        """
+        before = self.task(name)
+        self.publish(f'tp_controller/{name}/goal', msg)
+
+        def answered() -> bool:
+            now = self.task(name)
+            counts = (now.accepted_goals, now.rejected_goals)
+            return counts != (before.accepted_goals, before.rejected_goals)
+
+        self.wait_for(answered, f'an answer to the goal of {name}')
+        if self.task(name).rejected_goals > before.rejected_goals:
+            assert self.state is not None
+            raise GoalRejected(self.state.message)
+
+    def send_feedforward(self, name: str, values: Sequence[float], frame: str = '') -> None:
+        """Send a feedforward and wait until the controller uses it.
+
+        Raises
+        ------
+        InvalidValue
+            If the values are not those of such a task.
+        GoalRejected
+            If the controller refuses.
+        """
+        msg = feedforward_message(self.task(name), values, frame)
+        self.publish_feedforward(name, msg)
+
+    def publish_feedforward(self, name: str, msg: Any) -> None:
+        """Publish a feedforward message and wait until the controller has taken it.
+
+        Raises
+        ------
+        GoalRejected
+            If the controller refuses.
+        """
+        self.wait_for(lambda: self.state is not None, 'a state of the controller')
+        assert self.state is not None
+        rejected = self.state.rejected_goals
+        accepted = self.task(name).accepted_feedforwards
+        self.publish(f'tp_controller/{name}/feedforward', msg)
+
+        def answered() -> bool:
+            assert self.state is not None
+            taken = self.task(name).accepted_feedforwards > accepted
+            return taken or self.state.rejected_goals > rejected
+
+        self.wait_for(answered, f'an answer to the feedforward of {name}')
+        if self.state.rejected_goals > rejected:
+            raise GoalRejected(self.state.message)
+
+    def _keep_state(self, msg: ControllerState) -> None:
+        self.state = msg
+        for callback in self.on_state:
+            callback(msg)
+
+

@@ -1,0 +1,204 @@
+"""Simulator and controller as a closed loop over real DDS."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from tp_controller.config import read_parameter_file
+from tp_interfaces.msg import ControllerState
+from tp_interfaces.srv import Reset, Step
+from tp_sim.harness.client import TIMEOUT, Client
+from tp_sim.harness.document import Document, edited, read_document, write_document
+from tp_sim.harness.domain import PrivateDomain
+from tp_sim.harness.errors import HarnessError
+from tp_sim.harness.process import NodeProcess
+from tp_sim.harness.record import Record, Recorder
+
+CHUNK = 50
+"""Steps of one request: fewer than the states that the controller's queue holds."""
+
+
+class ClosedLoop:
+    """The two executables on a private domain, with a client and a record.
+
+    In lockstep the simulator waits for the answer to every joint state: the loop runs as
+    fast as the machine allows and is repeatable to the last bit. In real time the loop
+    runs from the start, and `run` waits for the wall clock.
+
+    Parameters
+    ----------
+    parameters
+        A parameter file, or its blocks as a dictionary (see `read_document`).
+    changes
+        Changes to it by block name, nested; None removes a key.
+    lockstep
+        Whether to step instead of running in real time.
+    namespace
+        Namespace of both nodes.
+    on_state
+        Called with every state of the controller.
+
+    Raises
+    ------
+    HarnessError
+        If a node does not start or the loop does not close, with what the nodes printed.
+    """
+
+    def __init__(
+        self,
+        parameters: str | Path | Document,
+        changes: Mapping[str, Any] | None = None,
+        *,
+        lockstep: bool = True,
+        namespace: str = '',
+        on_state: Callable[[ControllerState], None] | None = None,
+    ) -> None:
+        document = parameters if isinstance(parameters, Mapping) else read_document(parameters)
+        mode = {'tp_sim': {'lockstep': lockstep, 'paused': lockstep}}
+        document = edited(edited(document, changes or {}), mode)
+        self._lockstep = lockstep
+        self._folder = tempfile.TemporaryDirectory(prefix='tp_loop_')
+        path = Path(self._folder.name) / 'parameters.yaml'
+        write_document(document, path)
+        self._rate = float(read_parameter_file(path, 'tp_sim').get('rate', 60.0))
+        self._recorder = Recorder()
+        self._domain = PrivateDomain()
+        ros_arguments = ['-r', f'__ns:=/{namespace.strip("/")}'] if namespace else []
+        environment = self._domain.environment()
+        self.simulator: NodeProcess | None = None
+        self.controller: NodeProcess | None = None
+        self.client = Client(self._domain, namespace, self._check_alive)
+        """For everything beyond the methods here: topics, services, waiting."""
+        self.client.on_state.append(self._recorder.add)
+        if on_state is not None:
+            self.client.on_state.append(on_state)
+        try:
+            self.simulator = NodeProcess(
+                'tp_sim', 'simulator', path, environment, ros_arguments
+            )
+            self.controller = NodeProcess(
+                'tp_controller', 'controller', path, environment, ros_arguments
+            )
+            self._close_loop()
+        except BaseException:
+            self.stop()
+            raise
+
+    def __enter__(self) -> ClosedLoop:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    def stop(self) -> None:
+        """Stop both nodes and leave the domain."""
+        for process in (self.controller, self.simulator):
+            if process is not None:
+                process.stop()
+        self.client.close()
+        self._domain.close()
+        self._folder.cleanup()
+
+    @property
+    def record(self) -> Record:
+        """Everything since the start or the last `clear_record`."""
+        return self._recorder.record()
+
+    @property
+    def state(self) -> ControllerState:
+        """Newest state of the controller."""
+        state = self.client.state
+        assert state is not None
+        return state
+
+    def clear_record(self) -> None:
+        """Begin a new record; in lockstep it begins with the present state."""
+        self._recorder.clear()
+        if self._lockstep:
+            self.step(0)
+
+    def run(self, seconds: float) -> None:
+        """Let the loop run for a time [s], simulated in lockstep, else real.
+
+        Raises
+        ------
+        HarnessError
+            If a node dies or a cycle is lost.
+        """
+        if not self._lockstep:
+            self.client.spin_for(seconds)
+            return
+        steps = round(seconds * self._rate)
+        while steps > 0:
+            self.step(min(steps, CHUNK))
+            steps -= CHUNK
+
+    def step(self, steps: int = 1) -> None:
+        """Integrate that many steps in lockstep, and wait until all are recorded.
+
+        Raises
+        ------
+        HarnessError
+            If a node dies, a cycle is lost, or the loop is not in lockstep.
+        """
+        before, newest = len(self._recorder), self._recorder.newest
+        response = self.client.call(Step, 'tp_sim/step', Step.Request(steps=steps))
+        if not response.success:
+            raise HarnessError(response.message)
+        end = response.stamp.sec * 1_000_000_000 + response.stamp.nanosec
+        self.client.wait_for(lambda: self._recorder.newest >= end, 'the last cycle')
+        # The present state is answered anew at every run; a reset gives it a new stamp.
+        added = len(self._recorder) - before
+        if added < steps or (before and added > steps + 1):
+            raise HarnessError(f'{added} cycles recorded of {steps} after {newest}')
+
+    def reset(self, q: Mapping[str, float] | None = None) -> None:
+        """Put joints at positions [rad, m] by name; all at the initial ones if None.
+
+        Raises
+        ------
+        HarnessError
+            If the simulator refuses.
+        """
+        q = q or {}
+        request = Reset.Request(name=list(q), position=[float(value) for value in q.values()])
+        response = self.client.call(Reset, 'tp_sim/reset', request)
+        if not response.success:
+            raise HarnessError(response.message)
+
+    def send_goal(self, name: str, values: Sequence[float], frame: str = '') -> None:
+        """Send a goal to a task; see `Client.send_goal`."""
+        self.client.send_goal(name, values, frame)
+
+    def send_feedforward(self, name: str, values: Sequence[float], frame: str = '') -> None:
+        """Send a feedforward to a task; see `Client.send_feedforward`."""
+        self.client.send_feedforward(name, values, frame)
+
+    def set_parameters(self, values: Mapping[str, Any]) -> None:
+        """Set parameters of the controller by dotted key, all of them or none.
+
+        Raises
+        ------
+        GoalRejected
+            If the controller refuses, with its reason.
+        """
+        self.client.set_parameters('tp_controller', values)
+
+    def _close_loop(self) -> None:
+        self.client.wait_for(lambda: self.client.state is not None, 'the controller', TIMEOUT)
+        if self._lockstep:
+            self.step(0)
+        else:
+            self.client.wait_for(
+                lambda: self.state.status == ControllerState.RUNNING, 'the first cycle'
+            )
+
+    def _check_alive(self) -> None:
+        for process in (self.simulator, self.controller):
+            if process is not None and not process.running:
+                raise HarnessError(
+                    f'{process.name} ended with status {process.wait()}:\n{process.output}'
+                )

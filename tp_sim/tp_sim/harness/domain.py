@@ -1,0 +1,63 @@
+"""A ROS domain that nobody else on this machine uses."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import random
+import tempfile
+from pathlib import Path
+from typing import IO
+
+from tp_sim.harness.errors import HarnessError
+
+DOMAINS = range(1, 102)
+"""Domain numbers whose ports stay clear of the ephemeral ones on Linux."""
+
+
+class PrivateDomain:
+    """Holds a domain number until it is closed or the process ends.
+
+    Attributes
+    ----------
+    number
+        For ``ROS_DOMAIN_ID``.
+    """
+
+    def __init__(self) -> None:
+        numbers = list(DOMAINS)
+        random.shuffle(numbers)
+        for number in numbers:
+            lock = _locked(Path(tempfile.gettempdir()) / f'tp_sim_domain_{number}.lock')
+            if lock is not None:
+                self.number = number
+                self._lock = lock
+                return
+        raise HarnessError(f'all ROS domains from {DOMAINS[0]} to {DOMAINS[-1]} are in use')
+
+    def environment(self) -> dict[str, str]:
+        """Environment of this process, moved to the domain and to this machine alone."""
+        return {
+            **os.environ,
+            'ROS_DOMAIN_ID': str(self.number),
+            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+        }
+
+    def close(self) -> None:
+        """Give the domain back."""
+        self._lock.close()
+
+
+def _locked(path: Path) -> IO[str] | None:
+    """Open file with an exclusive lock, which ends with the process; None if taken."""
+    try:
+        # Left in place: removing a lock file lets two processes hold different ones.
+        lock = path.open('a')
+    except OSError:
+        return None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        lock.close()
+        return None
+    return lock

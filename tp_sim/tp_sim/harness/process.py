@@ -1,0 +1,151 @@
+"""A node's executable as a child process that never outlives its parent."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+
+from tp_sim.harness.errors import HarnessError
+
+_LIBC = ctypes.CDLL(None)
+_PR_SET_PDEATHSIG = 1
+
+
+class NodeProcess:
+    """One running executable of a ROS package.
+
+    Parameters
+    ----------
+    package, executable
+        As in ``ros2 run <package> <executable>``.
+    parameter_file
+        Passed as ``--params-file``; None for none.
+    environment
+        Environment of the process, see `PrivateDomain.environment`.
+    ros_arguments
+        Further arguments after ``--ros-args``, such as ``-r __ns:=/arm_1``.
+    arguments
+        Arguments before ``--ros-args``.
+
+    Raises
+    ------
+    HarnessError
+        If the package is not built or has no such executable.
+    """
+
+    def __init__(
+        self,
+        package: str,
+        executable: str,
+        parameter_file: str | Path | None,
+        environment: dict[str, str],
+        ros_arguments: Sequence[str] = (),
+        arguments: Sequence[str] = (),
+    ) -> None:
+        self.name = executable
+        command = [str(_executable(package, executable)), *arguments, '--ros-args']
+        if parameter_file is not None:
+            command += ['--params-file', str(parameter_file)]
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115 - closed by stop
+        parent = os.getpid()
+
+        def die_with_parent() -> None:
+            _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+            if os.getppid() != parent:
+                os._exit(1)
+
+        self._process = subprocess.Popen(  # noqa: PLW1509 - prctl has to run in the child
+            [*command, *ros_arguments],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=self._output,
+            stderr=subprocess.STDOUT,
+            preexec_fn=die_with_parent,
+            # Ctrl-C in a terminal is for the parent, which stops its nodes itself.
+            start_new_session=True,
+        )
+
+    @property
+    def pid(self) -> int:
+        """Process number."""
+        return self._process.pid
+
+    @property
+    def running(self) -> bool:
+        """Whether the process has not ended yet."""
+        return self._process.poll() is None
+
+    @property
+    def output(self) -> str:
+        """Everything that it has printed so far."""
+        size = os.fstat(self._output.fileno()).st_size
+        return os.pread(self._output.fileno(), size, 0).decode(errors='replace')
+
+    @property
+    def resident_memory(self) -> int:
+        """Resident memory [bytes]."""
+        pages = int(Path(f'/proc/{self.pid}/statm').read_text().split()[1])
+        return pages * os.sysconf('SC_PAGE_SIZE')
+
+    def signal(self, number: int) -> None:
+        """Send it a signal."""
+        self._process.send_signal(number)
+
+    def wait(self, timeout: float = 10.0) -> int:
+        """Wait until it has ended; return its exit status.
+
+        Raises
+        ------
+        HarnessError
+            If it has not ended after ``timeout`` [s].
+        """
+        try:
+            return self._process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            raise HarnessError(
+                f'{self.name} still runs after {timeout:g} s:\n{self.output}'
+            ) from None
+
+    def wait_for_output(self, text: str, timeout: float = 10.0) -> None:
+        """Wait until it has printed a text.
+
+        Raises
+        ------
+        HarnessError
+            If it has not after ``timeout`` [s].
+        """
+        end = time.monotonic() + timeout
+        while text not in self.output:
+            if time.monotonic() > end:
+                raise HarnessError(f'{self.name} did not print {text!r}:\n{self.output}')
+            time.sleep(0.02)
+
+    def stop(self) -> int:
+        """Interrupt it and wait; return its exit status. It is killed after 5 s."""
+        if self.running:
+            self.signal(signal.SIGINT)
+        try:
+            return self._process.wait(5.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            return self._process.wait()
+
+
+def _executable(package: str, executable: str) -> Path:
+    try:
+        path = Path(get_package_prefix(package)) / 'lib' / package / executable
+    except PackageNotFoundError:
+        raise HarnessError(
+            f'package {package} is not built: make setup, then source setup.bash'
+        ) from None
+    if not path.exists():
+        raise HarnessError(f'package {package} has no executable {executable}')
+    return path

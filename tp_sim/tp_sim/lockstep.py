@@ -1,0 +1,114 @@
+"""Lockstep: a state, the command that answers it, one step of integration, repeat."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from rclpy.node import Node
+from rclpy.task import Future
+
+
+class Lockstep:
+    """Decides when to publish a state and when to move on.
+
+    The time of the states starts at the wall clock and advances by whole steps. A run of
+    N steps publishes the present state, integrates each answer, and ends when the state
+    after step N has been answered too; goals that came between two runs are therefore in
+    the first command of the second one.
+
+    Parameters
+    ----------
+    node
+        The node whose executor waits for the end of a run.
+    publish
+        Publishes the present state with a stamp [ns].
+    move
+        Integrates the newest command for one step and returns its length [ns].
+    paused
+        Whether to wait for `begin` or `resume` before the first state.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        publish: Callable[[int], None],
+        move: Callable[[], int],
+        paused: bool,
+    ) -> None:
+        self._node = node
+        self._publish = publish
+        self._move = move
+        self._now = time.time_ns()
+        self._waiting = False
+        """Whether the newest state has no answer yet."""
+        self._steps_left: int | None = 0
+        """Steps to go in this run; None runs on without end."""
+        self._finished: Future | None = None
+        self._listeners = 0
+        if not paused:
+            self.resume()
+
+    def begin(self, steps: int) -> Future | None:
+        """Start a run; return its end as a future, or None when one is under way.
+
+        The future's result tells whether the run came to its end.
+        """
+        if self._waiting:
+            return None
+        self._steps_left = steps
+        self._finished = Future(executor=self._node.executor)
+        self._show()
+        return self._finished
+
+    def resume(self) -> None:
+        """Run on without end."""
+        self._steps_left = None
+        if not self._waiting:
+            self._show()
+
+    def pause(self) -> None:
+        """End the run at the present state."""
+        self._steps_left = 0
+        self._waiting = False
+        self._finish(False)
+
+    def answered(self, stamp: int | None) -> None:
+        """Go on after a command.
+
+        Parameters
+        ----------
+        stamp
+            Stamp [ns] of the state that it answers, None if commands carry no stamp.
+        """
+        if not self._waiting or stamp not in (None, self._now):
+            return
+        self._waiting = False
+        if self._steps_left == 0:
+            self._finish(True)
+            return
+        if self._steps_left is not None:
+            self._steps_left -= 1
+        self._now += self._move()
+        self._show()
+
+    def jumped(self) -> None:
+        """Take note that the joints were put somewhere else."""
+        self._now += 1
+        if self._waiting:
+            self._show()
+
+    def repeat(self, listeners: int, always: bool) -> None:
+        """Publish an unanswered state once more, or only if there are more listeners."""
+        if self._waiting and (always or listeners > self._listeners):
+            self._show()
+        self._listeners = listeners
+
+    def _show(self) -> None:
+        self._waiting = True
+        self._publish(self._now)
+
+    def _finish(self, complete: bool) -> None:
+        if self._finished is not None:
+            self._finished.set_result(complete)
+            self._finished = None

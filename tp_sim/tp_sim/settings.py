@@ -1,0 +1,76 @@
+"""Parameters of the simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from tp_controller.config import SHARED, build_robot
+from tp_controller.errors import InvalidValue
+from tp_controller.parameters import (
+    BOOLEAN,
+    NUMBER,
+    NUMBERS,
+    Flat,
+    Parameter,
+    flatten,
+    read_all,
+)
+from tp_sim.integrator import Integrator
+
+SIMULATOR: Mapping[str, Parameter] = {
+    # The simulated joints are the plant: their limits are fixed.
+    **{key: replace(parameter, runtime=False) for key, parameter in SHARED.items()},
+    'rate': Parameter(NUMBER, 'Joint states per second [Hz]', default=60.0, above=0.0),
+    'initial_positions': Parameter(
+        NUMBERS, 'First position [rad, m] per joint; zero when left out'
+    ),
+    'command_timeout': Parameter(
+        NUMBER, 'Time [s] without a command after which the joints stop', default=0.1, above=0.0
+    ),
+    'lockstep': Parameter(
+        BOOLEAN,
+        'Publish, wait for the command that answers this stamp, integrate, repeat',
+        default=False,
+    ),
+    'paused': Parameter(
+        BOOLEAN, 'Start lockstep at a halt; ~/step and ~/pause go on from there', default=False
+    ),
+}
+"""Parameters of the simulator node."""
+
+
+class SimulatorSettings(NamedTuple):
+    """Everything that a simulator is configured with."""
+
+    values: Flat
+    """Every parameter by dotted key, defaults filled in."""
+    joints: tuple[str, ...]
+    """Joint names (n,)."""
+    base_frame: str
+    """Name of the base frame."""
+    integrator: Integrator
+    """The joints."""
+
+
+def build_simulator_settings(parameters: Mapping[str, Any]) -> SimulatorSettings:
+    """Build the simulated joints from the simulator's parameters.
+
+    Parameters
+    ----------
+    parameters
+        The dictionary under ``ros__parameters``, nested or with dotted keys.
+
+    Raises
+    ------
+    InvalidValue
+        For anything that cannot be used, naming the full key.
+    """
+    values = read_all(flatten(parameters), SIMULATOR)
+    if values['paused'] and not values['lockstep']:
+        raise InvalidValue('paused', 'true without lockstep', 'true only with lockstep: true')
+    robot = build_robot(values)
+    q = values['initial_positions']
+    integrator = Integrator([0.0] * robot.n if q is None else q, robot.limits)
+    return SimulatorSettings(values, robot.joints, robot.base_frame, integrator)

@@ -1,0 +1,175 @@
+"""The simulator node."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool
+
+from tp_controller.errors import InvalidValue, shown
+from tp_controller.ros.joint_states import JointStateReader
+from tp_controller.ros.parameters import describe_parameters, given_parameters
+from tp_interfaces.srv import Reset, Step
+from tp_sim.lockstep import Lockstep
+from tp_sim.settings import SIMULATOR, build_simulator_settings
+
+QUEUE_DEPTH = 100
+
+
+class SimulatorNode(Node):
+    """Integrates joint velocity commands and publishes joint states."""
+
+    def __init__(self) -> None:
+        super().__init__('tp_sim', automatically_declare_parameters_from_overrides=True)
+        settings = build_simulator_settings(given_parameters(self))
+        values = settings.values
+        describe_parameters(self, SIMULATOR, values)
+        self._joints = settings.joints
+        self._integrator = settings.integrator
+        self._dt = 1.0 / values['rate']
+        self._command = np.zeros(len(self._joints))
+        self._command_time = -np.inf
+        self._command_timeout = values['command_timeout']
+        self._commands = JointStateReader(self._joints, 'command', 'velocity')
+        self._msg = JointState(name=list(self._joints))
+        self._msg.header.frame_id = settings.base_frame
+
+        self._stamped = values['command.type'] == 'joint_state'
+        self._publisher = self.create_publisher(JointState, 'joint_states', QUEUE_DEPTH)
+        self.create_subscription(
+            JointState if self._stamped else Float64MultiArray,
+            'joint_velocity_command',
+            self._on_command,
+            QUEUE_DEPTH,
+        )
+        self.create_service(Reset, '~/reset', self._on_reset)
+        # A group of its own: the other callbacks go on while a run is awaited.
+        self.create_service(
+            Step, '~/step', self._on_step, callback_group=MutuallyExclusiveCallbackGroup()
+        )
+        self.create_service(SetBool, '~/pause', self._on_pause)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._lockstep: Lockstep | None = None
+        if values['lockstep']:
+            self._lockstep = Lockstep(self, self._publish, self._move, values['paused'])
+            self.create_timer(0.1, self._repeat, clock=steady)
+        else:
+            self.create_timer(self._dt, self._tick, clock=steady)
+        self.get_logger().info(
+            f'{len(self._joints)} joints at {values["rate"]:g} Hz'
+            + (', in lockstep' if values['lockstep'] else '')
+        )
+
+    def stop(self) -> None:
+        """Nothing moves once the node is gone."""
+
+    def _publish(self, nanoseconds: int) -> None:
+        stamp = self._msg.header.stamp
+        stamp.sec, stamp.nanosec = divmod(nanoseconds, 1_000_000_000)
+        self._msg.position = self._integrator.q
+        self._msg.velocity = self._integrator.qd
+        self._publisher.publish(self._msg)
+
+    def _move(self) -> int:
+        """Integrate the newest command for one step; return its length [ns]."""
+        self._integrator.step(self._command, self._dt)
+        return round(1e9 * self._dt)
+
+    def _tick(self) -> None:
+        """Move in real time."""
+        if time.monotonic() - self._command_time > self._command_timeout:
+            self._command[:] = 0.0
+        self._move()
+        self._publish(self.get_clock().now().nanoseconds)
+
+    def _repeat(self) -> None:
+        """Publish an unanswered state again for a controller that came after it.
+
+        An answer without a stamp could not be told from the answer to the first copy, so
+        then only the arrival of a subscriber makes the state be repeated.
+        """
+        assert self._lockstep is not None
+        self._lockstep.repeat(self._publisher.get_subscription_count(), always=self._stamped)
+
+    def _on_command(self, msg: Any) -> None:
+        try:
+            if self._stamped:
+                self._commands.read(msg, self._command)
+            else:
+                self._read_array(msg)
+        except InvalidValue as error:
+            self.get_logger().warning(f'command ignored: {error}', throttle_duration_sec=1.0)
+            return
+        self._command_time = time.monotonic()
+        if self._lockstep is not None:
+            stamp = msg.header.stamp if self._stamped else None
+            self._lockstep.answered(
+                None if stamp is None else stamp.sec * 1_000_000_000 + stamp.nanosec
+            )
+
+    def _read_array(self, msg: Float64MultiArray) -> None:
+        values = np.array(msg.data)
+        if values.shape != self._command.shape or not np.isfinite(values).all():
+            raise InvalidValue(
+                'command data', shown(values), f'{self._command.size} finite numbers'
+            )
+        self._command[:] = values
+
+    def _on_reset(self, request: Reset.Request, response: Reset.Response) -> Reset.Response:
+        try:
+            self._reset(list(request.name), np.array(request.position))
+        except InvalidValue as error:
+            response.message = str(error)
+            return response
+        self._command[:] = 0.0
+        if self._lockstep is not None:
+            self._lockstep.jumped()
+        response.success = True
+        response.message = f'at {shown(self._integrator.q)}'
+        return response
+
+    def _reset(self, names: list[str], positions: np.ndarray) -> None:
+        if not names and not positions.size:
+            self._integrator.reset()
+            return
+        known = all(name in self._joints for name in names)
+        if not known or len(set(names)) != len(names) or len(names) != positions.size:
+            raise InvalidValue(
+                'reset',
+                f'{shown(names)} with {positions.size} positions',
+                f'one position for each name, names out of {", ".join(self._joints)}',
+            )
+        q = self._integrator.q
+        q[[self._joints.index(name) for name in names]] = positions
+        self._integrator.reset(q)
+
+    async def _on_step(self, request: Step.Request, response: Step.Response) -> Step.Response:
+        if self._lockstep is None:
+            response.message = 'lockstep: got false; ~/step needs true'
+            return response
+        finished = self._lockstep.begin(request.steps)
+        if finished is None:
+            response.message = 'busy: running, or another ~/step is under way'
+            return response
+        response.success = bool(await finished)
+        response.message = '' if response.success else 'ended by ~/pause'
+        response.stamp = self._msg.header.stamp
+        return response
+
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if self._lockstep is None:
+            response.message = 'lockstep: got false; ~/pause needs true'
+            return response
+        if request.data:
+            self._lockstep.pause()
+        else:
+            self._lockstep.resume()
+        response.success = True
+        return response
