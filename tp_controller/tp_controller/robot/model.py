@@ -54,6 +54,7 @@ class Robot:
         self._model = model
         self._data = model.createData()
         self._q = np.zeros(self.n)
+        self._root: Vector = np.array(model.jointPlacements[1].translation)
         self._frames = {
             frame.name: Frame(model, self._data, i)
             for i, frame in enumerate(model.frames)
@@ -91,6 +92,10 @@ class Robot:
             return self._frames[name]
         except KeyError:
             raise InvalidValue('frame', shown(name), f'one of {listed(self.frames)}') from None
+
+    def skeleton(self) -> Matrix:
+        """Points (m, 3) [m] that a line through the arm connects, from the base outwards."""
+        return np.array([self._root, *(frame.position for frame in self._frames.values())])
 
     def joint_indices(self, names: Sequence[str]) -> list[int]:
         """Indices of the named joints.

@@ -84,9 +84,9 @@ class ControllerNode(Node):
         self.get_logger().info(f'waiting for joint states; tasks by level: {self._levels()}')
 
     def stop(self) -> None:
-        """Bring the robot to rest: publish a zero command and wait until it has arrived."""
+        """Bring the robot to rest: publish a zero command and give it time to arrive."""
         self._publish_zero()
-        self._command_publisher.wait_for_all_acked(Duration(seconds=1))
+        self._command_publisher.wait_for_all_acked(Duration(seconds=0.2))
 
     def _levels(self) -> str:
         return ', '.join(self._stack.hierarchy)

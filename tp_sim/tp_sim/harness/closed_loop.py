@@ -10,7 +10,7 @@ from typing import Any
 from tp_controller.config import read_parameter_file
 from tp_interfaces.msg import ControllerState
 from tp_interfaces.srv import Reset, Step
-from tp_sim.harness.client import TIMEOUT, Client
+from tp_sim.harness.client import Client
 from tp_sim.harness.document import Document, edited, read_document, write_document
 from tp_sim.harness.domain import PrivateDomain
 from tp_sim.harness.errors import HarnessError
@@ -76,11 +76,14 @@ class ClosedLoop:
         if on_state is not None:
             self.client.on_state.append(on_state)
         try:
-            self.simulator = NodeProcess(
-                'tp_sim', 'simulator', path, environment, ros_arguments
-            )
             self.controller = NodeProcess(
                 'tp_controller', 'controller', path, environment, ros_arguments
+            )
+            if not lockstep:
+                # The first cycle comes when the simulator does: then it is recorded too.
+                self._wait_for_controller()
+            self.simulator = NodeProcess(
+                'tp_sim', 'simulator', path, environment, ros_arguments
             )
             self._close_loop()
         except BaseException:
@@ -95,9 +98,11 @@ class ClosedLoop:
 
     def stop(self) -> None:
         """Stop both nodes and leave the domain."""
-        for process in (self.controller, self.simulator):
-            if process is not None:
-                process.stop()
+        processes = [p for p in (self.controller, self.simulator) if p is not None]
+        for process in processes:
+            process.interrupt()
+        for process in processes:
+            process.stop()
         self.client.close()
         self._domain.close()
         self._folder.cleanup()
@@ -106,6 +111,11 @@ class ClosedLoop:
     def record(self) -> Record:
         """Everything since the start or the last `clear_record`."""
         return self._recorder.record()
+
+    @property
+    def time(self) -> float:
+        """Time [s] of the newest cycle, as in the record."""
+        return self._recorder.time
 
     @property
     def state(self) -> ControllerState:
@@ -187,9 +197,12 @@ class ClosedLoop:
         """
         self.client.set_parameters('tp_controller', values)
 
+    def _wait_for_controller(self) -> None:
+        self.client.wait_for(lambda: self.client.state is not None, 'the controller')
+
     def _close_loop(self) -> None:
-        self.client.wait_for(lambda: self.client.state is not None, 'the controller', TIMEOUT)
         if self._lockstep:
+            self._wait_for_controller()
             self.step(0)
         else:
             self.client.wait_for(

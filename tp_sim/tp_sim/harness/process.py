@@ -128,10 +128,14 @@ class NodeProcess:
                 raise HarnessError(f'{self.name} did not print {text!r}:\n{self.output}')
             time.sleep(0.02)
 
-    def stop(self) -> int:
-        """Interrupt it and wait; return its exit status. It is killed after 5 s."""
+    def interrupt(self) -> None:
+        """Ask it to end, as Ctrl-C does."""
         if self.running:
             self.signal(signal.SIGINT)
+
+    def stop(self) -> int:
+        """Interrupt it and wait; return its exit status. It is killed after 5 s."""
+        self.interrupt()
         try:
             return self._process.wait(5.0)
         except subprocess.TimeoutExpired:

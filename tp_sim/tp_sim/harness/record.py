@@ -84,6 +84,11 @@ class Recorder:
         """Stamp [ns] of the last cycle, 0 before the first."""
         return next(reversed(self._states), 0)
 
+    @property
+    def time(self) -> float:
+        """Time [s] from the first to the last cycle."""
+        return (self.newest - next(iter(self._states), 0)) * 1e-9
+
     def __len__(self) -> int:
         return len(self._states)
 

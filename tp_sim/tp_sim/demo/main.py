@@ -1,0 +1,77 @@
+"""Executable that runs a parameter file's demo goals and reports on them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from rich.console import Console
+
+from tp_controller.config import build_settings, read_parameter_file
+from tp_controller.errors import TaskPriorityError
+from tp_sim.demo.plots import draw_arm, draw_errors
+from tp_sim.demo.progress import Progress
+from tp_sim.demo.script import Leg, read_script
+from tp_sim.demo.tables import outcome_table
+from tp_sim.harness import ClosedLoop
+
+REFUSED = 2
+INTERRUPTED = 130
+
+
+def main() -> int:
+    """Run the demo.
+
+    Returns
+    -------
+    int
+        Exit status: 0 if every goal was reached, 1 if not, 2 if it could not run.
+    """
+    arguments = _parser().parse_args()
+    console = Console()
+    try:
+        return _run(arguments.config, arguments.out, console)
+    except TaskPriorityError as error:
+        print(f'demo: {error}', file=sys.stderr)
+        return REFUSED
+    except KeyboardInterrupt:
+        print('demo: interrupted', file=sys.stderr)
+        return INTERRUPTED
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='demo',
+        description='Run simulator and controller in real time through the goals that a '
+        'parameter file lists under tp_demo.',
+    )
+    parser.add_argument('--config', type=Path, required=True, help='parameter file')
+    parser.add_argument(
+        '--out', type=Path, default=Path('out/demo'), help='folder for plots (%(default)s)'
+    )
+    return parser
+
+
+def _run(config: Path, out: Path, console: Console) -> int:
+    # What the controller would refuse is refused before any process starts.
+    robot = build_settings(read_parameter_file(config, 'tp_controller')).stack.robot
+    script = read_script(config)
+    out.mkdir(parents=True, exist_ok=True)
+    console.print(f'Starting simulator and controller with {config}')
+    legs: list[Leg] = []
+    with ClosedLoop(config, lockstep=False) as loop, Progress(console) as progress:
+        loop.client.on_state.append(progress.follow)
+        for number, goals in enumerate(script.goals, start=1):
+            leg = Leg(loop, goals)
+            progress.begin(f'goal {number} of {len(script.goals)}: {leg.text}', loop.state)
+            loop.run(script.seconds_per_goal)
+            leg.finish(loop)
+            legs.append(leg)
+        record = loop.record
+        tasks = loop.state.tasks
+    console.print(outcome_table(legs, script.tolerance))
+    draw_errors(record, tasks, legs, out / 'errors.png')
+    draw_arm(robot, record, tasks, legs, out / 'arm.png')
+    console.print(f'Plots: {out / "errors.png"}, {out / "arm.png"}')
+    return 0 if all(leg.reached(script.tolerance) for leg in legs) else 1

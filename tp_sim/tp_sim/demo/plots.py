@@ -1,0 +1,160 @@
+"""Pictures of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from tp_controller.robot import Robot
+from tp_interfaces.msg import TaskState
+from tp_sim.demo.script import Leg
+from tp_sim.harness import Record
+
+Array = NDArray[np.float64]
+
+UNITS = {'position': 'm', 'orientation': 'rad', 'joint': 'rad, m', 'pose': 'm, rad'}
+COLORS: Sequence[str] = mpl.color_sequences['tab10']
+
+
+STILLS = 12
+"""Faint arms drawn between the first and the last."""
+
+
+def draw_errors(
+    record: Record, tasks: Sequence[TaskState], legs: Sequence[Leg], path: Path
+) -> None:
+    """Draw the error norm of every task in the hierarchy over time as a PNG."""
+    tasks = sorted((task for task in tasks if task.enabled), key=lambda task: task.level)
+    figure = Figure(figsize=(8.0, 1.2 + 2.1 * len(tasks)), layout='constrained')
+    panels = figure.subplots(len(tasks), 1, sharex=True, squeeze=False)[:, 0]
+    for i, (task, axes) in enumerate(zip(tasks, panels, strict=True)):
+        axes.plot(record.time, record.error_norm[task.name], color=COLORS[i % len(COLORS)])
+        for number, leg in enumerate(legs, start=1):
+            axes.axvline(leg.start, color='0.6', linestyle='--', linewidth=1.0)
+            axes.annotate(
+                f'goal {number}',
+                (leg.start, 0.96),
+                xycoords=('data', 'axes fraction'),
+                xytext=(4, 0),
+                textcoords='offset points',
+                va='top',
+                color='0.4',
+                fontsize=9,
+            )
+        axes.set_ylabel(f'error norm [{UNITS.get(task.type, "m, rad")}]')
+        axes.set_title(f'level {task.level}: {task.name}', loc='left', fontsize=10)
+        axes.set_ylim(bottom=0.0, top=max(1.1 * record.error_norm[task.name].max(), 1e-3))
+        axes.grid(alpha=0.3)
+    panels[-1].set_xlabel('time [s]')
+    panels[-1].set_xlim(record.time[0], record.time[-1])
+    figure.suptitle('Task errors over time')
+    figure.savefig(path, dpi=130)
+
+
+def draw_arm(
+    robot: Robot, record: Record, tasks: Sequence[TaskState], legs: Sequence[Leg], path: Path
+) -> None:
+    """Draw the arm with the paths of its controlled frames and their targets as a PNG.
+
+    An arm that stays in the plane z = constant is seen from above; any other one from
+    above and from the side.
+    """
+    arms = _arms(robot, record.q)
+    planar = np.ptp(arms[..., 2]) < 1e-6
+    views = ('xy',) if planar else ('xy', 'xz')
+    figure = Figure(figsize=(3.0 + 5.6 * len(views), 6.0), layout='constrained')
+    panels = figure.subplots(1, len(views), squeeze=False)[0]
+    ends = [int(np.searchsorted(record.time, leg.end)) for leg in legs]
+    ends = [min(end, len(arms) - 1) for end in ends]
+    for view, axes in zip(views, panels, strict=True):
+        _draw_view(axes, view, robot, arms, ends, tasks, legs)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc='outside right upper', fontsize=9)
+    panels[0].set_title('Arm, paths of the controlled frames, and targets')
+    figure.savefig(path, dpi=130)
+
+
+def _arms(robot: Robot, configurations: Array) -> Array:
+    """Skeletons (N, m, 3) [m] of the arm at configurations (N, n)."""
+    skeletons = []
+    for q in configurations:
+        robot.update(q)
+        skeletons.append(robot.skeleton())
+    return np.array(skeletons)
+
+
+def _draw_view(
+    axes: Axes,
+    view: str,
+    robot: Robot,
+    arms: Array,
+    ends: Sequence[int],
+    tasks: Sequence[TaskState],
+    legs: Sequence[Leg],
+) -> None:
+    i, j = ('xyz'.index(letter) for letter in view)
+    for still in np.linspace(0, ends[-1], STILLS, dtype=int):
+        axes.plot(arms[still, :, i], arms[still, :, j], color='0.85', linewidth=1.5, zorder=1)
+    axes.plot(
+        arms[0, :, i], arms[0, :, j], 'o--', color='0.55', markersize=4, label='start', zorder=2
+    )
+    for number, end in enumerate(ends):
+        axes.plot(
+            arms[end, :, i],
+            arms[end, :, j],
+            'o-',
+            color=COLORS[number % len(COLORS)],
+            linewidth=3.0,
+            label=f'arm at goal {number + 1}',
+            zorder=4,
+        )
+    _draw_paths(axes, i, j, robot, arms, tasks)
+    _draw_targets(axes, view, tasks, legs)
+    axes.set_xlabel(f'{view[0]} [m]')
+    axes.set_ylabel(f'{view[1]} [m]')
+    axes.set_aspect('equal', adjustable='datalim')
+    axes.margins(0.1)
+    axes.grid(alpha=0.3)
+
+
+def _draw_paths(
+    axes: Axes, i: int, j: int, robot: Robot, arms: Array, tasks: Sequence[TaskState]
+) -> None:
+    frames = dict.fromkeys(task.frame for task in tasks if task.enabled and task.frame)
+    for frame in frames:
+        point = 1 + robot.frames.index(frame)
+        axes.plot(
+            arms[:, point, i],
+            arms[:, point, j],
+            linestyle=':' if len(frames) > 1 and frame != robot.frames[-1] else '-',
+            color='black',
+            linewidth=1.2,
+            label=f'path of {frame}',
+            zorder=3,
+        )
+
+
+def _draw_targets(
+    axes: Axes, view: str, tasks: Sequence[TaskState], legs: Sequence[Leg]
+) -> None:
+    for number, leg in enumerate(legs):
+        for task in tasks:
+            if task.name not in leg.desired or not set(view) <= set(task.components):
+                continue
+            desired = dict(zip(task.components, leg.desired[task.name], strict=False))
+            axes.plot(
+                desired[view[0]],
+                desired[view[1]],
+                'x',
+                color=COLORS[number % len(COLORS)],
+                markersize=13,
+                markeredgewidth=3,
+                label=f'target {number + 1} of {task.name}',
+                zorder=5,
+            )
