@@ -74,6 +74,9 @@ packages_state() {
   echo install/*/lib/python*/site-packages/*.egg-link
 }
 
+# Where a package has no wheel, the tools that build it come from the lock file too.
+export PIP_CONSTRAINT=requirements/lock.txt PIP_BUILD_CONSTRAINT=requirements/lock.txt
+
 install_wheels() {
   say "installing ROS 2 Jazzy and python packages into .venv (about a minute)"
   logged "$python" -m venv .venv
@@ -96,7 +99,7 @@ install_beside_system() {
   if ! "$python" -c 'import colcon_cmake, colcon_ros' 2>/dev/null; then
     wanted+=(-r requirements/colcon.txt)
   fi
-  logged .venv/bin/pip install --no-compile -c .venv/constraints.txt "${wanted[@]}"
+  PIP_CONSTRAINT=.venv/constraints.txt logged .venv/bin/pip install --no-compile "${wanted[@]}"
   if [ ! -x .venv/bin/colcon ]; then
     # the system's colcon, run by this python, so that the executables it writes use it too
     printf '#!%s\nimport sys\nfrom colcon_core.command import main\nsys.exit(main())\n' \

@@ -32,6 +32,10 @@ class InvalidValue(TaskPriorityError):
         """Return the same error for ``prefix.key``."""
         return InvalidValue(f'{prefix}.{self.key}', self.got, self.accepts)
 
+    def within(self, place: str) -> InvalidValue:
+        """Return the same error for the key in a file."""
+        return InvalidValue(f'{place}: {self.key}', self.got, self.accepts)
+
 
 class UnusableState(TaskPriorityError):
     """A joint state from which no finite command follows."""

@@ -79,8 +79,7 @@ class Stack:
     def hierarchy(self, hierarchy: Sequence[str]) -> None:
         names_by_level = self.check_hierarchy(hierarchy)
         self._levels = tuple(
-            _Level([self.tasks[name] for name in names], self.robot.n)
-            for names in names_by_level
+            _Level([self.tasks[name] for name in names], self.robot.n) for names in names_by_level
         )
         self._equations = [level.equations for level in self._levels]
         self._results = tuple(level.result for level in self._levels)

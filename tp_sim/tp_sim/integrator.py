@@ -84,9 +84,7 @@ class Integrator:
         """Move for ``dt`` [s] at velocities (n,), every joint held to its limits."""
         before = self._q
         speed = np.clip(qd, -self.limits.velocity, self.limits.velocity)
-        self._q = np.clip(
-            before + dt * speed, self.limits.position_min, self.limits.position_max
-        )
+        self._q = np.clip(before + dt * speed, self.limits.position_min, self.limits.position_max)
         # A joint that met no end keeps its exact speed, free of rounding.
         stopped = self._q != before + dt * speed
         self._qd = np.where(stopped, (self._q - before) / dt, speed)

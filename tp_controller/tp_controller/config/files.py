@@ -14,6 +14,20 @@ from tp_controller.parameters import Flat, flatten
 EVERY_NODE = '/**'
 
 
+class _StrictLoader(yaml.SafeLoader):
+    """Plain YAML, in which a key may stand only once."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen: set[Any] = set()
+        for key_node, _ in node.value:
+            if key_node.value in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f'{key_node.value!r} a second time', key_node.start_mark
+                )
+            seen.add(key_node.value)
+        return super().construct_mapping(node, deep)
+
+
 def read_parameter_file(path: str | Path, node: str) -> Flat:
     """Parameters that a ROS 2 parameter file gives to a node of that name.
 
@@ -36,7 +50,8 @@ def read_parameter_file(path: str | Path, node: str) -> Flat:
         for a list that ROS 2 refuses: an empty one or one that mixes kinds.
     """
     try:
-        document = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+        text = Path(path).read_text(encoding='utf-8')
+        document = yaml.load(text, Loader=_StrictLoader)
     except OSError as error:
         raise InvalidValue(str(path), str(error.strerror), 'a readable file') from None
     except UnicodeDecodeError:

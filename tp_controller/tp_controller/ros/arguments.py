@@ -1,39 +1,44 @@
-"""Why ROS 2 refused the command line, in one line."""
+"""What is wrong with the command line, in one line."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from itertools import pairwise
 
 from tp_controller.config import read_parameter_file
 from tp_controller.errors import InvalidValue
 
 
-def init_failure(error: Exception, argv: Sequence[str], node: str) -> str:
-    """One line about an exception of ``rclpy.init``.
+def check_parameter_files(argv: Sequence[str], node: str) -> None:
+    """Check the parameter files that a command line names.
 
-    ROS 2 names neither the key nor the reason when it refuses a parameter file, so the
-    files are read again here to find both.
+    ROS 2 refuses what it cannot read without naming the key or the reason, so the files
+    are looked at first.
 
     Parameters
     ----------
-    error
-        The exception.
     argv
         The process's arguments.
     node
         Name of the node, to pick its block.
+
+    Raises
+    ------
+    InvalidValue
+        As `read_parameter_file`, naming the file.
     """
-    for path in _parameter_files(argv):
+    for path in parameter_files(argv):
         try:
             read_parameter_file(path, node)
-        except InvalidValue as reason:
-            text = str(reason)
-            return text if text.startswith(path) else f'{path}: {text}'
-    text = str(error).partition(', at ')[0]
-    return ' '.join(text.split())
+        except InvalidValue as error:
+            raise error if error.key.startswith(path) else error.within(path) from None
 
 
-def _parameter_files(argv: Sequence[str]) -> Iterator[str]:
-    for flag, value in zip(argv, argv[1:], strict=False):
-        if flag == '--params-file':
-            yield value
+def parameter_files(argv: Sequence[str]) -> list[str]:
+    """Paths of the parameter files that a command line names."""
+    return [value for flag, value in pairwise(argv) if flag == '--params-file']
+
+
+def one_line(error: Exception) -> str:
+    """First sentence of an exception of ``rclpy.init``, which may run over many lines."""
+    return ' '.join(str(error).partition(', at ')[0].split())

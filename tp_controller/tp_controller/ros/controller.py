@@ -69,9 +69,7 @@ class ControllerNode(Node):
                 partial(self._on_feedforward, task),
                 10,
             )
-        self.create_subscription(
-            JointState, 'joint_states', self._on_joint_state, QUEUE_DEPTH
-        )
+        self.create_subscription(JointState, 'joint_states', self._on_joint_state, QUEUE_DEPTH)
         self._stale_after = values['timeouts.joint_state']
         self.create_timer(
             min(self._stale_after / 4.0, HEARTBEAT),

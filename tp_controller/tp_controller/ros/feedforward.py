@@ -26,9 +26,7 @@ class FeedforwardOverrides:
         Gives the value (k,) that a task goes back to.
     """
 
-    def __init__(
-        self, timeout: float, configured: Callable[[Task], NDArray[np.float64]]
-    ) -> None:
+    def __init__(self, timeout: float, configured: Callable[[Task], NDArray[np.float64]]) -> None:
         self._timeout = timeout
         self._configured = configured
         self._ends: dict[Task, float | None] = {}

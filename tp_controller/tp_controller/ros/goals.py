@@ -68,7 +68,8 @@ class GoalReader:
             whole = set(msg.name) == set(task.components)
             if task.target is None and not whole:
                 raise InvalidValue(
-                    'goal', f'joints {shown(list(msg.name))} before the first joint state',
+                    'goal',
+                    f'joints {shown(list(msg.name))} before the first joint state',
                     f'all of {listed(task.components)}',
                 )
             values = np.zeros(task.k) if task.target is None else task.target
@@ -140,9 +141,7 @@ def _pose(msg: PointStamped | QuaternionStamped | PoseStamped) -> tuple[Vector, 
     if point is not None:
         position = _finite('goal position', [point.x, point.y, point.z])
     if quaternion is not None:
-        xyzw = _finite(
-            'goal quaternion', [quaternion.x, quaternion.y, quaternion.z, quaternion.w]
-        )
+        xyzw = _finite('goal quaternion', [quaternion.x, quaternion.y, quaternion.z, quaternion.w])
         largest = np.abs(xyzw).max()
         if largest == 0.0:
             raise InvalidValue('goal quaternion', 'all zeros', 'a quaternion that is not zero')
@@ -233,8 +232,8 @@ def _form(task: TaskState) -> tuple[list[str], Callable[[Any, list[float]], None
 
     def fill(msg: Any, values: list[float]) -> None:
         pose = getattr(msg, 'pose', None)
-        point = pose.position if pose else getattr(msg, 'point', None)
-        quaternion = pose.orientation if pose else getattr(msg, 'quaternion', None)
+        point: Any = pose.position if pose else getattr(msg, 'point', None)
+        quaternion: Any = pose.orientation if pose else getattr(msg, 'quaternion', None)
         for axis, value in zip(position_axes, values, strict=False):
             setattr(point, axis, value)
         rotation = values[len(position_axes) :]

@@ -46,27 +46,31 @@ def run_node(name: str, module: str, node_class: str) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         # Before the node exists there is nothing to bring to rest.
         signal.signal(number, lambda *_: os._exit(0))
-    import rclpy  # noqa: PLC0415
-    from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
-    from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.signals import SignalHandlerOptions
 
-    from tp_controller.errors import InvalidValue  # noqa: PLC0415
-    from tp_controller.ros.arguments import init_failure  # noqa: PLC0415
+    from tp_controller.errors import InvalidValue
+    from tp_controller.ros.arguments import check_parameter_files, one_line, parameter_files
 
     make_node = getattr(importlib.import_module(module), node_class)
     stop = _Stop()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, stop.request)
     try:
+        check_parameter_files(sys.argv, name)
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:
-        # rcl parses the arguments and parameter files here; its exceptions have no root.
-        return _refuse(name, init_failure(error, sys.argv, name))
-    try:
         node = make_node()
     except InvalidValue as error:
         rclpy.try_shutdown()
-        return _refuse(name, str(error))
+        given = parameter_files(sys.argv)
+        hint = '' if given else ' (start with --ros-args --params-file FILE)'
+        return _refuse(name, f'{error}{hint}')
+    except RuntimeError as error:
+        if rclpy.ok():
+            raise
+        # rcl could not read the arguments; its exceptions have no other root.
+        return _refuse(name, one_line(error))
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     while not stop.requested:

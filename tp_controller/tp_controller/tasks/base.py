@@ -9,8 +9,8 @@ from typing import Any, ClassVar, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.parameters import NUMBERS, TEXT, Parameter
 from tp_controller.errors import InvalidValue, shown
+from tp_controller.parameters import NUMBERS, TEXT, Parameter
 from tp_controller.robot import Robot
 
 Vector = NDArray[np.float64]
@@ -75,7 +75,7 @@ class Task(ABC):
         self.J: Matrix = np.zeros((self.k, robot.n))
         self._K: Matrix = np.eye(self.k)
         self._feedforward: Vector = np.zeros(self.k)
-        self._target: Vector | None = None
+        self._target: Vector = np.zeros(0)  # empty before the first one
 
     @classmethod
     @abstractmethod
@@ -104,7 +104,7 @@ class Task(ABC):
     @property
     def target(self) -> Vector | None:
         """Desired value, None before the first one; a copy."""
-        return None if self._target is None else self._target.copy()
+        return self._target.copy() if self._target.size else None
 
     @target.setter
     def target(self, values: Sequence[float] | Vector) -> None:

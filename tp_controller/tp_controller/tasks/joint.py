@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.parameters import REQUIRED, TEXTS, Parameter
 from tp_controller.errors import InvalidValue, listed, shown
+from tp_controller.parameters import REQUIRED, TEXTS, Parameter
 from tp_controller.robot import Robot
 from tp_controller.tasks.base import Task
 
@@ -33,7 +33,9 @@ class JointTask(Task):
     """
 
     type = 'joint'
-    parameters = {'joints': Parameter(TEXTS, 'Controlled joints', default=REQUIRED)}
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        'joints': Parameter(TEXTS, 'Controlled joints', default=REQUIRED)
+    }
     target_words = 'position per joint [rad, m]'
 
     def __init__(self, name: str, robot: Robot, joints: Sequence[str]) -> None:

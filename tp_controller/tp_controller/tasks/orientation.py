@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.parameters import REQUIRED, TEXT, Parameter
 from tp_controller.errors import InvalidValue, shown
+from tp_controller.parameters import REQUIRED, TEXT, Parameter
 from tp_controller.robot import Robot
 from tp_controller.rotations import (
     heading,
@@ -46,7 +46,7 @@ class OrientationTask(FrameTask):
     """
 
     type = 'orientation'
-    parameters = {
+    parameters: ClassVar[Mapping[str, Parameter]] = {
         'frame': Parameter(TEXT, 'Controlled frame', default=REQUIRED),
         'axes': Parameter(TEXT, 'Controlled axes of the base frame, out of xyz', default='xyz'),
     }
@@ -115,7 +115,6 @@ class OrientationTask(FrameTask):
         """Compute `error` [rad] and `J` at the robot's present configuration."""
         R = self.frame.rotation
         if self.k == 1:
-            assert self._target is not None
             self.error[0] = wrap(self._target[0] - heading(R, self._axis))
             np.dot(heading_rows(R, self._axis), self.frame.jacobian[3:], out=self.J[0])
         else:

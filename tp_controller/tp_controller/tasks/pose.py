@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,7 @@ class PoseTask(FrameTask):
     """
 
     type = 'pose'
-    parameters = {
+    parameters: ClassVar[Mapping[str, Parameter]] = {
         'frame': Parameter(TEXT, 'Controlled frame', default=REQUIRED),
         'position_axes': Parameter(
             TEXT, 'Controlled axes of the position, out of xyz', default='xyz'

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ class PositionTask(FrameTask):
     """
 
     type = 'position'
-    parameters = {
+    parameters: ClassVar[Mapping[str, Parameter]] = {
         'frame': Parameter(TEXT, 'Controlled frame', default=REQUIRED),
         'axes': Parameter(TEXT, 'Controlled axes of the base frame, out of xyz', default='xyz'),
     }
@@ -44,9 +44,7 @@ class PositionTask(FrameTask):
         super().__init__(name, robot, frame, axis_rows('axes', axes))
 
     @classmethod
-    def from_parameters(
-        cls, name: str, robot: Robot, values: Mapping[str, Any]
-    ) -> PositionTask:
+    def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> PositionTask:
         """Make the task from checked values."""
         return cls(name, robot, values['frame'], values['axes'])
 

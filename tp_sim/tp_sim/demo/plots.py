@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -19,7 +20,7 @@ from tp_sim.harness import Record
 Array = NDArray[np.float64]
 
 UNITS = {'position': 'm', 'orientation': 'rad', 'joint': 'rad, m', 'pose': 'm, rad'}
-COLORS: Sequence[str] = mpl.color_sequences['tab10']
+COLORS: Sequence[Any] = mpl.color_sequences['tab10']
 
 
 STILLS = 12
@@ -140,9 +141,7 @@ def _draw_paths(
         )
 
 
-def _draw_targets(
-    axes: Axes, view: str, tasks: Sequence[TaskState], legs: Sequence[Leg]
-) -> None:
+def _draw_targets(axes: Axes, view: str, tasks: Sequence[TaskState], legs: Sequence[Leg]) -> None:
     for number, leg in enumerate(legs):
         for task in tasks:
             if task.name not in leg.desired or not set(view) <= set(task.components):

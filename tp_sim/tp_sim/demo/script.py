@@ -18,8 +18,10 @@ DEMO: Mapping[str, Parameter] = {
     ),
     'seconds_per_goal': Parameter(NUMBER, 'Time [s] for each', default=8.0, above=0.0),
     'tolerance': Parameter(
-        NUMBER, 'Largest error norm [m, rad] of a goal that counts as reached',
-        default=0.01, above=0.0,
+        NUMBER,
+        'Largest error norm [m, rad] of a goal that counts as reached',
+        default=0.01,
+        above=0.0,
     ),
 }
 """Parameters of the demo, block ``tp_demo`` of a parameter file."""
@@ -95,9 +97,7 @@ class Leg:
         )
         self.start = self.end = loop.time
         self.desired = {
-            task.name: list(task.desired)
-            for task in loop.state.tasks
-            if task.name in self.tasks
+            task.name: list(task.desired) for task in loop.state.tasks if task.name in self.tasks
         }
         self.errors: dict[str, float] = {}
 

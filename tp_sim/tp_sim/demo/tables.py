@@ -18,9 +18,7 @@ def outcome_table(legs: list[Leg], tolerance: float) -> Table:
         table.add_column(name, justify='right')
     table.add_column('reached')
     for leg in legs:
-        cells = [
-            f'{leg.errors[name]:.5f}' if name in leg.errors else '' for name in names
-        ]
+        cells = [f'{leg.errors[name]:.5f}' if name in leg.errors else '' for name in names]
         verdict = '[green]yes[/green]' if leg.reached(tolerance) else '[red]no[/red]'
         table.add_row(leg.text, *cells, verdict)
     return table

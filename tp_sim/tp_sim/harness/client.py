@@ -75,9 +75,7 @@ class Client:
         self.node.destroy_node()
         rclpy.try_shutdown(context=self._context)
 
-    def wait_for(
-        self, condition: Callable[[], bool], what: str, timeout: float = TIMEOUT
-    ) -> None:
+    def wait_for(self, condition: Callable[[], bool], what: str, timeout: float = TIMEOUT) -> None:
         """Handle messages until a condition holds.
 
         Raises
@@ -99,9 +97,7 @@ class Client:
             self._alive()
             self._executor.spin_once(timeout_sec=min(left, 0.1))
 
-    def subscribe(
-        self, message_type: type, topic: str, callback: Callable[[Any], None]
-    ) -> None:
+    def subscribe(self, message_type: type, topic: str, callback: Callable[[Any], None]) -> None:
         """Call back for every message of a topic, none of them dropped here."""
         self.node.create_subscription(message_type, topic, callback, QoSProfile(depth=5000))
 
@@ -250,5 +246,3 @@ class Client:
         self.state = msg
         for callback in self.on_state:
             callback(msg)
-
-

@@ -82,9 +82,7 @@ class ClosedLoop:
             if not lockstep:
                 # The first cycle comes when the simulator does: then it is recorded too.
                 self._wait_for_controller()
-            self.simulator = NodeProcess(
-                'tp_sim', 'simulator', path, environment, ros_arguments
-            )
+            self.simulator = NodeProcess('tp_sim', 'simulator', path, environment, ros_arguments)
             self._close_loop()
         except BaseException:
             self.stop()
@@ -154,16 +152,19 @@ class ClosedLoop:
         HarnessError
             If a node dies, a cycle is lost, or the loop is not in lockstep.
         """
-        before, newest = len(self._recorder), self._recorder.newest
+        before, cycles = len(self._recorder), self._recorder.cycles
         response = self.client.call(Step, 'tp_sim/step', Step.Request(steps=steps))
         if not response.success:
             raise HarnessError(response.message)
         end = response.stamp.sec * 1_000_000_000 + response.stamp.nanosec
-        self.client.wait_for(lambda: self._recorder.newest >= end, 'the last cycle')
-        # The present state is answered anew at every run; a reset gives it a new stamp.
-        added = len(self._recorder) - before
-        if added < steps or (before and added > steps + 1):
-            raise HarnessError(f'{added} cycles recorded of {steps} after {newest}')
+        # The present state is answered anew, then every further one.
+        self.client.wait_for(
+            lambda: self._recorder.cycles > cycles + steps and self._recorder.newest >= end,
+            'the last cycle',
+        )
+        if len(self._recorder) < before + steps:
+            lost = before + steps - len(self._recorder)
+            raise HarnessError(f'{lost} of {steps} cycles were lost on their way to the record')
 
     def reset(self, q: Mapping[str, float] | None = None) -> None:
         """Put joints at positions [rad, m] by name; all at the initial ones if None.

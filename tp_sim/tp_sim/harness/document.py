@@ -26,7 +26,7 @@ def write_document(document: Document, path: str | Path) -> None:
 
 def edited(document: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Copy of nested dictionaries with changes put in; a value of None removes its key."""
-    result = {key: value for key, value in document.items()}
+    result = dict(document)
     for key, change in changes.items():
         if change is None:
             result.pop(key, None)

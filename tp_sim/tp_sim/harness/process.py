@@ -62,13 +62,13 @@ class NodeProcess:
             if os.getppid() != parent:
                 os._exit(1)
 
-        self._process = subprocess.Popen(  # noqa: PLW1509 - prctl has to run in the child
+        self._process = subprocess.Popen(
             [*command, *ros_arguments],
             env=environment,
             stdin=subprocess.DEVNULL,
             stdout=self._output,
             stderr=subprocess.STDOUT,
-            preexec_fn=die_with_parent,
+            preexec_fn=die_with_parent,  # noqa: PLW1509 - prctl has to run in the child
             # Ctrl-C in a terminal is for the parent, which stops its nodes itself.
             start_new_session=True,
         )

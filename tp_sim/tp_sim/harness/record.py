@@ -66,13 +66,14 @@ class Recorder:
     """Collects the controller states of cycles, one for each joint state."""
 
     def __init__(self) -> None:
-        self._cycles = 0
+        self.cycles = 0
+        """Cycles of the controller up to the newest one here."""
         self._states: dict[int, ControllerState] = {}
 
     def add(self, msg: ControllerState) -> None:
         """Keep a state, in place of an earlier one with the same stamp."""
-        if msg.cycles > self._cycles:
-            self._cycles = msg.cycles
+        if msg.cycles > self.cycles:
+            self.cycles = msg.cycles
             self._states[stamp_ns(msg)] = msg
 
     def clear(self) -> None:

@@ -1,0 +1,84 @@
+import math
+
+import numpy as np
+import pytest
+from small_arms import planar_block
+
+from tp_controller import UnusableState, build_settings
+
+GOOD = np.array([0.3, 0.2, 0.1])
+
+
+def stack_of(damping=0.1, **tip):
+    """Stack of an arm whose second joint slides in the plane."""
+    block = planar_block(0.75, 0.5, 0.5)
+    block['dh']['types'] = ['revolute', 'prismatic', 'revolute']
+    block['dh']['alpha'] = [math.pi / 2, -math.pi / 2, 0.0]
+    return build_settings(
+        {
+            'robot': block | {'limits': {'velocity': [1.0]}},
+            'solver': {'damping': damping},
+            'hierarchy': ['tip', 'first'],
+            'tasks': {
+                'tip': {'type': 'position', 'frame': 'link_3', 'axes': 'xy'} | tip,
+                'first': {'type': 'joint', 'joints': ['joint_1'], 'target': [5.0]},
+                'turn': {'type': 'orientation', 'frame': 'link_3'},
+            },
+        }
+    ).stack
+
+
+@pytest.mark.parametrize('damping', [0.0, 0.1])
+@pytest.mark.parametrize('value', [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize('joint', range(3))
+def test_a_position_that_is_not_finite_is_refused_and_the_next_state_is_answered(
+    damping, value, joint
+):
+    q = GOOD.copy()
+    q[joint] = value
+    stack = stack_of(damping, target=[1.0, 0.5])
+    with pytest.raises(UnusableState, match='no finite command'):
+        stack.step(q)
+    expected = stack_of(damping, target=[1.0, 0.5]).step(GOOD).command
+    np.testing.assert_array_equal(stack.step(GOOD).command, expected)
+
+
+@pytest.mark.parametrize('value', [math.nan, math.inf])
+def test_no_task_takes_its_first_target_from_a_state_that_is_not_finite(value):
+    stack = stack_of()
+    with pytest.raises(UnusableState):
+        stack.step(np.array([0.3, value, 0.1]))
+    assert np.all(np.isfinite(stack.step(GOOD).command))
+    for name in ('tip', 'turn'):
+        np.testing.assert_allclose(
+            stack.tasks[name].target, stack.tasks[name].current, atol=1e-12
+        )
+
+
+def test_a_refused_state_leaves_a_command_of_zero():
+    stack = stack_of(target=[1.0, 0.5])
+    command = stack.step(GOOD).command
+    assert np.any(command != 0.0)
+    with pytest.raises(UnusableState):
+        stack.step(np.full(3, math.nan))
+    np.testing.assert_array_equal(command, np.zeros(3))
+
+
+@pytest.mark.parametrize('damping', [0.0, 0.1])
+@pytest.mark.parametrize('target', [[1.0, 0.5], None])
+@pytest.mark.parametrize('value', [1e155, 1e200, 1e300, -1e300])
+@pytest.mark.filterwarnings('ignore:overflow encountered')
+def test_numbers_that_leave_the_range_of_floats_are_refused(damping, target, value):
+    """Their squares are infinite: a command would rest on a rank of nothing."""
+    stack = stack_of(damping, **({'target': target} if target else {}))
+    with pytest.raises(UnusableState, match='no finite command'):
+        stack.step(np.array([0.3, value, 0.1]))
+    expected = stack_of(damping, **({'target': target} if target else {})).step(GOOD)
+    np.testing.assert_array_equal(stack.step(GOOD).command, expected.command)
+
+
+@pytest.mark.filterwarnings('ignore:overflow encountered')
+def test_a_wish_beyond_the_range_of_floats_is_refused():
+    stack = stack_of(target=[1e300, 0.0], gain=[1e300])
+    with pytest.raises(UnusableState):
+        stack.step(GOOD)

@@ -1,0 +1,176 @@
+"""Goals and feedforward over topics: taken, transformed, or refused with a reason."""
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PointStamped, PoseStamped, QuaternionStamped, TwistStamped
+from sensor_msgs.msg import JointState
+
+from tp_controller.errors import InvalidValue
+from tp_sim.harness import ClosedLoop, GoalRejected
+
+EXTRA_TASKS = {
+    'tp_controller': {
+        'tasks': {
+            'hand_pose': {
+                'type': 'pose',
+                'frame': 'link_3',
+                'position_axes': 'xy',
+                'orientation_axes': 'z',
+            },
+            'hand_rotation': {'type': 'orientation', 'frame': 'link_3', 'axes': 'xyz'},
+            'elbow': {'type': 'joint', 'joints': ['joint_2', 'joint_3'], 'target': [0.5, 0.5]},
+        }
+    }
+}
+NAN = float('nan')
+
+
+@pytest.fixture(scope='module')
+def loop(config):
+    """A3 with an idle task of every other type."""
+    with ClosedLoop(config / 'a3_position_orientation.yaml', EXTRA_TASKS) as loop:
+        yield loop
+
+
+@pytest.fixture(autouse=True)
+def start(loop):
+    """Begin every test at the initial configuration with the same goals."""
+    loop.reset()
+    loop.set_parameters({'hierarchy': ['ee_position', 'ee_orientation']})
+    loop.send_goal('ee_position', [1.0, 0.5])
+    loop.send_goal('ee_orientation', [np.pi / 2.0])
+    loop.send_feedforward('ee_position', [0.0, 0.0])
+    loop.clear_record()
+
+
+@pytest.mark.parametrize(
+    ('task', 'values', 'hierarchy'),
+    [
+        ('ee_position', [0.3, 1.1], ['ee_position']),
+        ('ee_orientation', [2.0], ['ee_orientation']),
+        ('hand_pose', [0.2, 1.2, 2.4], ['hand_pose']),
+        ('hand_rotation', [0.0, 0.0, np.sin(1.0), np.cos(1.0)], ['hand_rotation']),
+        ('elbow', [1.0, -0.5], ['elbow']),
+    ],
+)
+def test_a_goal_of_every_task_type_is_reached(loop, task, values, hierarchy):
+    loop.set_parameters({'hierarchy': hierarchy})
+    loop.send_goal(task, values)
+    loop.run(10.0)
+    assert loop.record.error_norm[task][-1] < 1e-3
+    assert loop.record.current[task][-1] == pytest.approx(values, abs=1e-3)
+
+
+def test_a_goal_in_a_robot_frame_is_transformed_on_receipt(loop):
+    loop.send_goal('ee_position', [0.1, 0.2], frame='link_3')
+    # The start has link 3 at 0.9 rad with its end at this point.
+    tip = np.array(
+        [0.75 + 0.5 * np.cos(0.6) + 0.5 * np.cos(0.9), 0.5 * np.sin(0.6) + 0.5 * np.sin(0.9)]
+    )
+    turn = np.array([[np.cos(0.9), -np.sin(0.9)], [np.sin(0.9), np.cos(0.9)]])
+    assert loop.client.task('ee_position').desired == pytest.approx(tip + turn @ [0.1, 0.2])
+    loop.send_goal('ee_orientation', [0.1], frame='link_2')
+    assert loop.client.task('ee_orientation').desired == pytest.approx([0.7])
+
+
+def test_a_joint_goal_may_name_some_of_the_joints(loop):
+    loop.send_goal('elbow', [0.5, 0.5])
+    loop.client.publish_goal('elbow', JointState(name=['joint_3'], position=[-1.0]))
+    assert list(loop.client.task('elbow').desired) == [0.5, -1.0]
+
+
+def _bad_goals():
+    nan_point = PointStamped()
+    nan_point.point.z = NAN
+    infinite = PointStamped()
+    infinite.point.x = float('inf')
+    elsewhere = PointStamped()
+    elsewhere.header.frame_id = 'map'
+    zero = QuaternionStamped()
+    zero.quaternion.w = 0.0
+    zero_pose = PoseStamped()
+    zero_pose.pose.orientation.w = 0.0
+    nan_pose = PoseStamped()
+    nan_pose.pose.orientation.x = NAN
+    return [
+        ('ee_position', nan_point, 'finite'),
+        ('ee_position', infinite, 'finite'),
+        ('ee_position', elsewhere, 'base, link_1, link_2, link_3'),
+        ('ee_orientation', zero, 'quaternion'),
+        ('hand_pose', zero_pose, 'quaternion'),
+        ('hand_pose', nan_pose, 'finite'),
+        ('elbow', JointState(name=['joint_1'], position=[0.0]), 'joint_2, joint_3'),
+        ('elbow', JointState(name=['joint_2'], position=[NAN]), 'finite'),
+        ('elbow', JointState(name=['joint_2'], position=[]), 'one value for each name'),
+        ('elbow', JointState(name=['joint_2'] * 2, position=[0.0, 1.0]), 'names'),
+    ]
+
+
+@pytest.mark.parametrize(('task', 'goal', 'reason'), _bad_goals())
+def test_a_bad_goal_is_refused_counted_and_changes_nothing(loop, task, goal, reason):
+    before = loop.client.task(task)
+    rejected = loop.state.rejected_goals
+    with pytest.raises(GoalRejected, match=reason):
+        loop.client.publish_goal(task, goal)
+    after = loop.client.task(task)
+    assert loop.state.rejected_goals == rejected + 1
+    assert after.rejected_goals == before.rejected_goals + 1
+    assert after.desired == before.desired
+
+
+def test_the_harness_refuses_values_that_do_not_fit_before_sending(loop):
+    with pytest.raises(InvalidValue, match=r'3 values; accepts 2: x \[m\], y \[m\]'):
+        loop.send_goal('ee_position', [1.0, 2.0, 3.0])
+
+
+def test_feedforward_moves_the_task_and_ends_when_it_is_old(loop):
+    loop.set_parameters({'hierarchy': ['ee_position'], 'solver.damping': 0.0})
+    loop.reset()
+    loop.send_goal('ee_position', loop.record.current['ee_position'][-1])
+    loop.send_feedforward('ee_position', [0.1, -0.05])
+    loop.clear_record()
+    loop.run(1.0)
+    requested = loop.record.requested['ee_position'] - loop.record.error['ee_position']
+    time = loop.record.time
+    during = requested[time < 0.49]
+    assert during == pytest.approx(np.tile([0.1, -0.05], (len(during), 1)))
+    after = requested[time > 0.52]
+    assert after == pytest.approx(np.zeros((len(after), 2)), abs=1e-12)
+    loop.set_parameters({'solver.damping': 0.1})
+
+
+def test_feedforward_in_a_robot_frame_is_rotated(loop):
+    loop.send_feedforward('ee_position', [0.1, 0.0], frame='link_3')
+    loop.step(0)
+    record = loop.record
+    feedforward = record.requested['ee_position'][-1] - record.error['ee_position'][-1]
+    assert feedforward == pytest.approx([0.1 * np.cos(0.9), 0.1 * np.sin(0.9)])
+
+
+def test_bad_feedforward_is_refused_and_counted(loop):
+    rejected = loop.state.rejected_goals
+    twist = TwistStamped()
+    twist.twist.linear.x = NAN
+    with pytest.raises(GoalRejected, match='finite'):
+        loop.client.publish_feedforward('ee_position', twist)
+    with pytest.raises(GoalRejected, match='joint_2, joint_3'):
+        loop.client.publish_feedforward('elbow', JointState(name=['x'], velocity=[0.0]))
+    assert loop.state.rejected_goals == rejected + 2
+
+
+def test_state_tells_what_every_task_asked_for_and_got(loop):
+    loop.step(1)
+    state = loop.state
+    position, orientation, pose, *_ = state.tasks
+    assert [task.name for task in state.tasks][:2] == ['ee_position', 'ee_orientation']
+    assert (position.type, position.frame) == ('position', 'link_3')
+    assert list(position.components) == ['x', 'y']
+    assert (position.level, position.enabled, position.active) == (0, True, True)
+    assert (orientation.level, pose.level, pose.enabled) == (1, -1, False)
+    error = np.array(position.desired) - np.array(position.current)
+    assert list(position.error) == pytest.approx(list(error))
+    assert position.error_norm == pytest.approx(np.linalg.norm(error))
+    assert list(position.requested_velocity) == pytest.approx(list(error))
+    assert state.solve_time > 0.0
+    assert 0.0 < state.scale <= 1.0
+    assert state.header.frame_id == 'base'

@@ -1,0 +1,123 @@
+"""Joint states and commands of the controller: by name, every one answered, bad ones ignored."""
+
+import numpy as np
+import pytest
+
+from tp_interfaces.msg import ControllerState
+
+START = [0.0, 0.6, 0.3]
+
+
+def test_order_of_joints_and_extra_joints_do_not_change_the_command(lone_controller):
+    controller = lone_controller()
+    plain = controller.ask(START)
+    permuted = controller.ask([0.3, 0.0, 0.6], ['joint_3', 'joint_1', 'joint_2'])
+    extra = controller.ask(
+        [9.0, 0.6, np.nan, 0.3, 0.0], ['gripper', 'joint_2', 'camera', 'joint_3', 'joint_1']
+    )
+    assert plain == permuted == extra
+    assert controller.commands[-1].name == ['joint_1', 'joint_2', 'joint_3']
+    assert controller.state.ignored_states == 0
+
+
+def test_every_state_is_answered_with_its_own_stamp(lone_controller):
+    controller = lone_controller()
+    controller.ask(START)
+    # In bursts that the controller's queue holds, as after a process was not scheduled.
+    for burst in range(4):
+        for _ in range(50):
+            controller.give(START)
+        cycles = 1 + 50 * (burst + 1)
+        controller.client.wait_for(
+            lambda cycles=cycles: controller.state.cycles == cycles, 'all answers'
+        )
+    answered = [c.header.stamp.sec for c in controller.commands if any(c.velocity)]
+    assert answered == list(range(1, 202))
+
+
+@pytest.mark.parametrize('speed', [1.0, 0.1])
+def test_no_component_exceeds_its_limit_and_the_direction_is_kept(lone_controller, speed):
+    limits = [speed, speed / 2.0, speed / 4.0]
+    free = lone_controller({'/**': {'robot': {'limits': None}}})
+    limited = lone_controller({'/**': {'robot': {'limits': {'velocity': limits}}}})
+    for position in ([0.0, 0.6, 0.3], [1.0, -2.0, -0.4], [-2.0, 0.1, 2.5]):
+        wanted = np.array(free.ask(position))
+        command = np.array(limited.ask(position))
+        assert np.all(np.abs(command) <= limits)
+        scale = min(1.0, float(np.min(np.array(limits) / np.abs(wanted))))
+        assert command == pytest.approx(scale * wanted, rel=1e-12)
+        assert limited.state.scale == pytest.approx(scale)
+
+
+def test_bad_joint_states_are_ignored_counted_and_explained(lone_controller):
+    controller = lone_controller()
+    before = controller.ask(START)
+    answered = len(controller.commands)
+    assert 'finite' in controller.give_bad([0.0, np.nan, 0.3])
+    assert 'finite' in controller.give_bad([0.0, np.inf, 0.3])
+    assert "no 'joint_2'" in controller.give_bad([0.0, 0.3], ['joint_1', 'joint_3'])
+    assert "'joint_1' 2 times" in controller.give_bad(
+        [0.0, 0.0, 0.6, 0.3], ['joint_1', 'joint_1', 'joint_2', 'joint_3']
+    )
+    assert '2 values for 3 names' in controller.give_bad([0.0, 0.6])
+    assert controller.give_bad([], []) != ''
+    assert controller.state.ignored_states == 6
+    assert all(
+        list(command.velocity) == [0.0, 0.0, 0.0] for command in controller.commands[answered:]
+    ), 'only the zero command of a stale state may follow'
+    assert controller.ask(START) == before
+    assert controller.state.status == ControllerState.RUNNING
+
+
+def test_when_states_stop_the_command_goes_to_zero_once_and_resumes(lone_controller):
+    controller = lone_controller()
+    assert controller.state.status == ControllerState.WAITING
+    before = controller.ask(START)
+    client = controller.client
+    client.wait_for(lambda: controller.state.status == ControllerState.STALE, 'stale')
+    client.spin_for(0.5)
+    assert len(controller.commands) == 2
+    assert list(controller.commands[-1].velocity) == [0.0, 0.0, 0.0]
+    assert controller.ask(START) == before
+    client.wait_for(lambda: controller.state.status == ControllerState.RUNNING, 'running')
+
+
+def test_bad_states_alone_make_the_controller_stale(lone_controller):
+    controller = lone_controller()
+    controller.ask(START)
+    while controller.state.status != ControllerState.STALE:
+        controller.give_bad([0.0, np.nan, 0.3])
+    controller.client.wait_for(
+        lambda: list(controller.commands[-1].velocity) == [0.0, 0.0, 0.0], 'a zero command'
+    )
+
+
+def test_array_commands_carry_the_same_velocities_in_the_order_of_the_joints(lone_controller):
+    named = lone_controller()
+    plain = lone_controller({'/**': {'command': {'type': 'float64_multi_array'}}})
+    expected = named.ask(START)
+    plain.give([0.3, 0.0, 0.6], ['joint_3', 'joint_1', 'joint_2'])
+    plain.client.wait_for(lambda: len(plain.commands) == 1, 'a command')
+    assert list(plain.commands[0].data) == expected
+
+
+def test_a_task_without_a_target_holds_its_first_value(lone_controller):
+    controller = lone_controller({'tp_controller': {'tasks': {'ee_position': {'target': None}}}})
+    controller.client.wait_for(lambda: controller.state is not None, 'a state')
+    assert np.abs(controller.ask(START)).max() < 1e-12
+    assert np.abs(controller.ask([0.1, 0.6, 0.3])).max() > 1e-3
+
+
+def test_remapped_topics_and_namespaces_keep_robots_apart(lone_controller):
+    controller = lone_controller(
+        ros_arguments=[
+            *('-r', 'joint_states:=/arm/joint_states'),
+            *('-r', 'joint_velocity_command:=/arm/velocity'),
+        ],
+        wait=False,
+    )
+    client = controller.client
+    client.wait_for(lambda: client.state is not None, 'the controller')
+    topics = dict(client.node.get_topic_names_and_types())
+    assert {'/arm/joint_states', '/arm/velocity'} <= set(topics)
+    assert client.node.count_publishers('/arm/velocity') == 1
