@@ -82,7 +82,9 @@ def test_a_step_depends_on_nothing_but_the_configuration(case):
     used = build_settings(block).stack
     for other in (q + 1.0, -q):
         used.step(other)
-    np.testing.assert_array_equal(used.step(q).command, build_settings(block).stack.step(q).command)
+    np.testing.assert_array_equal(
+        used.step(q).command, build_settings(block).stack.step(q).command
+    )
 
 
 @st.composite

@@ -79,13 +79,13 @@ class Parameter:
             return value
         if self.kind == TEXT:
             return self._text(key, value, value)
+        read_item = self._number if self.kind == NUMBERS else self._text
         if isinstance(value, str | bool | int | float):
-            value = [value]
+            return (read_item(key, value, value),)
         try:
             items = list(value)
         except TypeError:
             raise InvalidValue(key, shown(value), self.accepts) from None
-        read_item = self._number if self.kind == NUMBERS else self._text
         return tuple(read_item(key, item, items) for item in items)
 
     def _number(self, key: str, item: Any, value: Any) -> float:

@@ -21,7 +21,7 @@ from tp_controller.errors import InvalidValue, UnusableState
 from tp_controller.ros.feedforward import FeedforwardOverrides
 from tp_controller.ros.goals import GOAL_TYPES, GoalReader, feedforward_type
 from tp_controller.ros.joint_states import JointStateReader
-from tp_controller.ros.parameters import describe_parameters, given_parameters
+from tp_controller.ros.parameters import ROS_OWN, describe_parameters, given_parameters
 from tp_controller.ros.state import StateMessage, field_view
 from tp_controller.tasks import Task
 from tp_interfaces.msg import ControllerState
@@ -36,7 +36,12 @@ class ControllerNode(Node):
     """Answers every joint state with a joint velocity command."""
 
     def __init__(self) -> None:
-        super().__init__('tp_controller', automatically_declare_parameters_from_overrides=True)
+        super().__init__(
+            'tp_controller',
+            automatically_declare_parameters_from_overrides=True,
+            # An unknown name then reaches the check below, which knows what is meant.
+            allow_undeclared_parameters=True,
+        )
         given = given_parameters(self)
         self._settings = build_settings(given)
         values = self._settings.values
@@ -200,7 +205,7 @@ class ControllerNode(Node):
     # Parameters
 
     def _check_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
-        changes = {p.name: p.value for p in parameters if p.name in self._schema}
+        changes = {p.name: p.value for p in parameters if not p.name.startswith(ROS_OWN)}
         try:
             self._pending_changes = check_changes(self._settings, self._schema, changes)
         except InvalidValue as error:

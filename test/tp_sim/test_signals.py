@@ -1,0 +1,94 @@
+"""Ends of processes: in every phase to rest, status 0, no trace, no orphan."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+
+import pytest
+from sensor_msgs.msg import JointState
+
+from tp_sim.harness import ClosedLoop, NodeProcess, PrivateDomain
+
+SIGNALS = pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+
+
+def assert_clean(process):
+    assert process.wait(5.0) == 0, process.output
+    assert 'Traceback' not in process.output
+    assert 'rror' not in process.output
+
+
+@SIGNALS
+def test_controller_waiting_for_its_first_state_sends_zero_and_ends(lone_controller, number):
+    controller = lone_controller()
+    controller.process.signal(number)
+    assert_clean(controller.process)
+    controller.client.wait_for(lambda: bool(controller.commands), 'a command')
+    assert [list(command.velocity) for command in controller.commands] == [[0.0, 0.0, 0.0]]
+
+
+@SIGNALS
+def test_moving_controller_sends_zero_and_both_nodes_end(config, number):
+    with ClosedLoop(config / 'a4_position_joint.yaml', lockstep=False) as loop:
+        commands = loop.client.collect(JointState, 'joint_velocity_command')
+        loop.client.wait_for(lambda: len(commands) > 5, 'commands')
+        assert any(commands[-1].velocity)
+        controller, simulator = loop.controller, loop.simulator
+        controller.signal(number)
+        assert_clean(controller)
+        loop.controller = None
+        loop.client.wait_for(lambda: not any(commands[-1].velocity), 'a zero command')
+        simulator.signal(number)
+        assert_clean(simulator)
+        loop.simulator = None
+
+
+@SIGNALS
+@pytest.mark.parametrize('delay', [0.2, 0.4, 0.6, 0.8])
+def test_a_signal_during_start_up_leaves_no_trace(config, number, delay):
+    domain = PrivateDomain()
+    process = NodeProcess(
+        'tp_controller',
+        'controller',
+        config / 'a4_position_joint.yaml',
+        domain.environment(),
+    )
+    time.sleep(delay)
+    process.signal(number)
+    assert_clean(process)
+    domain.close()
+
+
+def test_no_node_outlives_a_killed_test(config, tmp_path):
+    script = tmp_path / 'killed.py'
+    script.write_text(
+        textwrap.dedent(f"""
+            from tp_sim.harness import ClosedLoop
+            loop = ClosedLoop({str(config / 'a4_position_joint.yaml')!r})
+            print(loop.controller.pid, loop.simulator.pid, flush=True)
+            loop.run(1e6)
+        """)
+    )
+    test = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+    pids = [int(word) for word in test.stdout.readline().split()]
+    assert len(pids) == 2
+    test.kill()
+    test.wait()
+    test.stdout.close()
+    end = time.monotonic() + 10.0
+    while any(alive(pid) for pid in pids):
+        assert time.monotonic() < end, 'a node is still there'
+        time.sleep(0.05)
+
+
+def alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    with open(f'/proc/{pid}/stat') as stat:
+        # An ended process that nobody has waited for is not alive.
+        return stat.read().rpartition(')')[2].split()[0] != 'Z'
