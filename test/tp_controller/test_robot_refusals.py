@@ -24,7 +24,7 @@ def test_a_dh_list_of_the_wrong_length_is_refused_by_its_key(key, count):
     with pytest.raises(InvalidValue) as caught:
         arm(**{key: [*DH[key], DH[key][0]][:count]})
     assert caught.value.key == f'robot.dh.{key}'
-    assert f'{count} values' in caught.value.got
+    assert f'{count} value' in caught.value.got
     assert caught.value.accepts == '2 values (one per joint of robot.joints)'
 
 
@@ -94,7 +94,7 @@ def test_a_limit_needs_one_value_or_one_per_joint(key, values):
     with pytest.raises(InvalidValue) as caught:
         Limits(3, **{key: values})
     assert caught.value.key == f'robot.limits.{key}'
-    assert f'{len(values)} values' in caught.value.got
+    assert f'{len(values)} value' in caught.value.got
     assert caught.value.accepts.startswith('1 value or 3')
 
 

@@ -120,7 +120,9 @@ def test_every_parameter_is_listed_and_described(loop):
         ListParameters, 'tp_controller/list_parameters', ListParameters.Request()
     )
     names = [name for name in listing.result.names if name not in ROS_OWN]
-    assert {'solver.damping', 'timeouts.joint_state', 'tasks.ee_position.feedforward'} <= set(names)
+    assert {'solver.damping', 'timeouts.joint_state', 'tasks.ee_position.feedforward'} <= set(
+        names
+    )
     response = loop.client.call(
         DescribeParameters,
         'tp_controller/describe_parameters',

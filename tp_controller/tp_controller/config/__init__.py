@@ -2,7 +2,7 @@
 
 from tp_controller.config.build import Settings, build_robot, build_settings, build_stack
 from tp_controller.config.changes import check_changes
-from tp_controller.config.files import read_parameter_file
+from tp_controller.config.files import read_blocks, read_parameter_file
 from tp_controller.config.schema import SHARED, controller_schema
 
 __all__ = [
@@ -13,5 +13,6 @@ __all__ = [
     'build_stack',
     'check_changes',
     'controller_schema',
+    'read_blocks',
     'read_parameter_file',
 ]

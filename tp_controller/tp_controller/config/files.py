@@ -11,7 +11,7 @@ import yaml
 from tp_controller.errors import InvalidValue, shown
 from tp_controller.parameters import Flat, flatten
 
-EVERY_NODE = '/**'
+WILDCARDS = ('*', '**')
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -36,12 +36,29 @@ def read_parameter_file(path: str | Path, node: str) -> Flat:
     path
         The YAML file.
     node
-        Name of the node; its block overrides the block for every node, ``/**``.
+        Name of the node. Blocks named so, ``/**`` or ``/**/<node>`` count, later ones over
+        earlier ones; blocks of one namespace do not.
 
     Returns
     -------
     dict
         Values by dotted key.
+
+    Raises
+    ------
+    InvalidValue
+        As `read_blocks`.
+    """
+    merged: Flat = {}
+    for name, block in read_blocks(path).items():
+        *namespace, last = name.strip('/').split('/')
+        if last in (node, *WILDCARDS) and set(namespace) <= set(WILDCARDS):
+            merged.update(flatten(block))
+    return merged
+
+
+def read_blocks(path: str | Path) -> dict[str, Mapping[str, Any]]:
+    """Parameters of every block of a ROS 2 parameter file, nested as they are there.
 
     Raises
     ------
@@ -64,16 +81,15 @@ def read_parameter_file(path: str | Path, node: str) -> Flat:
     accepts = 'blocks by node name (or /**), each with ros__parameters'
     if not isinstance(document, Mapping):
         raise InvalidValue(str(path), shown(document), accepts)
-    flat: Flat = {}
-    for name in (EVERY_NODE, node):
-        block = document.get(name, {'ros__parameters': {}})
+    blocks = {}
+    for name, block in document.items():
         parameters = block.get('ros__parameters') if isinstance(block, Mapping) else None
         if not isinstance(parameters, Mapping):
             raise InvalidValue(f'{path}: {name}', shown(block), accepts)
-        flat.update(flatten(parameters))
-    for key, value in flat.items():
-        _check_as_ros(key, value)
-    return flat
+        for key, value in flatten(parameters).items():
+            _check_as_ros(key, value)
+        blocks[str(name)] = parameters
+    return blocks
 
 
 def _check_as_ros(key: str, value: Any) -> None:

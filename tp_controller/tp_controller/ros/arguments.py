@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from tp_controller.config import read_parameter_file
+from tp_controller.config import read_blocks
 from tp_controller.errors import InvalidValue
 
 
-def check_parameter_files(argv: Sequence[str], node: str) -> None:
+def check_parameter_files(argv: Sequence[str]) -> None:
     """Check the parameter files that a command line names.
 
     ROS 2 refuses what it cannot read without naming the key or the reason, so the files
@@ -19,17 +19,15 @@ def check_parameter_files(argv: Sequence[str], node: str) -> None:
     ----------
     argv
         The process's arguments.
-    node
-        Name of the node, to pick its block.
 
     Raises
     ------
     InvalidValue
-        As `read_parameter_file`, naming the file.
+        As `read_blocks`, naming the file.
     """
     for path in parameter_files(argv):
         try:
-            read_parameter_file(path, node)
+            read_blocks(path)
         except InvalidValue as error:
             raise error if error.key.startswith(path) else error.within(path) from None
 

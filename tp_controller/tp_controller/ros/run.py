@@ -58,7 +58,7 @@ def run_node(name: str, module: str, node_class: str) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, stop.request)
     try:
-        check_parameter_files(sys.argv, name)
+        check_parameter_files(sys.argv)
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = make_node()
     except InvalidValue as error:

@@ -67,7 +67,8 @@ class ClosedLoop:
         self._recorder = Recorder()
         self._domain = PrivateDomain()
         ros_arguments = ['-r', f'__ns:=/{namespace.strip("/")}'] if namespace else []
-        environment = self._domain.environment()
+        self.environment = self._domain.environment()
+        """Environment for further processes on the same domain."""
         self.simulator: NodeProcess | None = None
         self.controller: NodeProcess | None = None
         self.client = Client(self._domain, namespace, self._check_alive)
@@ -77,12 +78,14 @@ class ClosedLoop:
             self.client.on_state.append(on_state)
         try:
             self.controller = NodeProcess(
-                'tp_controller', 'controller', path, environment, ros_arguments
+                'tp_controller', 'controller', path, self.environment, ros_arguments
             )
             if not lockstep:
                 # The first cycle comes when the simulator does: then it is recorded too.
                 self._wait_for_controller()
-            self.simulator = NodeProcess('tp_sim', 'simulator', path, environment, ros_arguments)
+            self.simulator = NodeProcess(
+                'tp_sim', 'simulator', path, self.environment, ros_arguments
+            )
             self._close_loop()
         except BaseException:
             self.stop()

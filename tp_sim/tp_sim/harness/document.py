@@ -8,19 +8,37 @@ from typing import Any
 
 import yaml
 
+from tp_controller.config import read_blocks
+
 Document = Mapping[str, Any]
-"""Parameters by block name, such as ``/**`` or ``tp_controller``, nested."""
+"""Parameters by node name or ``/**``, nested."""
+
+ANY_NAMESPACE = '/**/'
 
 
 def read_document(path: str | Path) -> Document:
-    """Read the blocks of a ROS 2 parameter file."""
-    blocks = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    return {name: block['ros__parameters'] for name, block in blocks.items()}
+    """Read the blocks of a ROS 2 parameter file.
+
+    A block for a node in any namespace, ``/**/tp_controller``, goes by the node's name.
+
+    Raises
+    ------
+    InvalidValue
+        As `read_blocks`.
+    """
+    document: dict[str, Any] = {}
+    for name, block in read_blocks(path).items():
+        node = name.removeprefix(ANY_NAMESPACE)
+        document[node] = edited(document.get(node, {}), block)
+    return document
 
 
 def write_document(document: Document, path: str | Path) -> None:
-    """Write blocks as a ROS 2 parameter file."""
-    blocks = {name: {'ros__parameters': dict(block)} for name, block in document.items()}
+    """Write blocks as a ROS 2 parameter file for nodes in any namespace."""
+    blocks = {
+        name if name.startswith('/') else ANY_NAMESPACE + name: {'ros__parameters': dict(block)}
+        for name, block in document.items()
+    }
     Path(path).write_text(yaml.safe_dump(blocks, sort_keys=False), encoding='utf-8')
 
 

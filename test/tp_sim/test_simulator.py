@@ -1,0 +1,193 @@
+"""The simulator node: in real time, in lockstep, at its limits, reset."""
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
+
+from tp_interfaces.srv import Reset, Step
+from tp_sim.harness import (
+    Client,
+    ClosedLoop,
+    HarnessError,
+    NodeProcess,
+    PrivateDomain,
+    edited,
+    read_document,
+    write_document,
+)
+
+JOINTS = ['joint_1', 'joint_2', 'joint_3']
+START = [0.0, 0.6, 0.3]
+LIMITS = {
+    '/**': {
+        'robot': {
+            'limits': {
+                'velocity': [0.5],
+                'position_min': [-0.2, 0.0, 0.0],
+                'position_max': [0.2, 1.0, 1.0],
+            }
+        }
+    }
+}
+
+
+class LoneSimulator:
+    def __init__(self, path):
+        self.domain = PrivateDomain()
+        self.process = NodeProcess('tp_sim', 'simulator', path, self.domain.environment())
+        self.client = Client(self.domain)
+        self.states = self.client.collect(JointState, 'joint_states')
+
+    def command(self, velocity, names=JOINTS, stamp=None):
+        msg = JointState(name=names, velocity=velocity)
+        if stamp is not None:
+            msg.header.stamp = stamp
+        self.client.publish('joint_velocity_command', msg)
+
+    def next_states(self, count=1):
+        target = len(self.states) + count
+        self.client.wait_for(lambda: len(self.states) >= target, 'joint states')
+        return self.states[-count:]
+
+    def close(self):
+        self.process.stop()
+        self.client.close()
+        self.domain.close()
+
+
+@pytest.fixture
+def lone_simulator(config, tmp_path):
+    made = []
+
+    def make(changes):
+        path = tmp_path / f'simulator_{len(made)}.yaml'
+        write_document(edited(read_document(config / 'a4_position_joint.yaml'), changes), path)
+        made.append(LoneSimulator(path))
+        return made[-1]
+
+    yield make
+    for simulator in made:
+        simulator.close()
+
+
+def test_real_time_states_come_at_the_rate_and_stand_still_without_commands(lone_simulator):
+    simulator = lone_simulator({'tp_sim': {'rate': 100.0}})
+    simulator.next_states()
+    states = simulator.next_states(100)
+    stamps = np.array([s.header.stamp.sec + 1e-9 * s.header.stamp.nanosec for s in states])
+    assert np.mean(np.diff(stamps)) == pytest.approx(0.01, rel=0.1)
+    assert all(list(s.position) == START and not any(s.velocity) for s in states)
+    assert states[0].name == JOINTS
+    assert states[0].header.frame_id == 'base'
+
+
+def test_commands_move_the_joints_until_they_time_out(lone_simulator):
+    simulator = lone_simulator({'tp_sim': {'command_timeout': 0.2}})
+    simulator.next_states()
+    simulator.command([-0.3, 0.1, 0.2], ['joint_3', 'joint_1', 'joint_2'])
+    simulator.client.wait_for(lambda: any(simulator.states[-1].velocity), 'motion')
+    assert list(simulator.states[-1].velocity) == [0.1, 0.2, -0.3]
+    simulator.client.wait_for(lambda: not any(simulator.states[-1].velocity), 'a stop')
+    moved = np.array(simulator.states[-1].position) - START
+    # Within one period of 1/60 s on either side, and what the machine adds.
+    assert 0.1 < moved[0] / 0.1 < 0.5
+    assert moved == pytest.approx(moved[0] * np.array([1.0, 2.0, -3.0]))
+
+
+def test_position_and_velocity_limits_hold(lone_simulator):
+    simulator = lone_simulator(LIMITS)
+    simulator.next_states()
+    for _ in range(60):
+        simulator.command([9.0, -9.0, 0.1])
+        simulator.next_states()
+    positions = np.array([s.position for s in simulator.states])
+    speeds = np.array([s.velocity for s in simulator.states])
+    assert np.all(positions >= [-0.2, 0.0, 0.0])
+    assert np.all(positions <= [0.2, 1.0, 1.0])
+    assert np.abs(speeds).max() <= 0.5 + 1e-12
+    assert positions[-1, 0] == 0.2
+    assert speeds[-1, 0] == 0.0
+
+
+def test_commands_that_cannot_be_used_are_ignored(lone_simulator):
+    simulator = lone_simulator({})
+    simulator.next_states()
+    simulator.command([1.0, 1.0], ['joint_1', 'joint_2'])
+    simulator.command([1.0, float('nan'), 1.0])
+    simulator.process.wait_for_output('command ignored')
+    assert all(list(s.position) == START for s in simulator.next_states(5))
+
+
+def test_reset_goes_to_given_or_initial_positions_or_says_why_not(lone_simulator):
+    simulator = lone_simulator(LIMITS)
+
+    def reset(names, positions):
+        request = Reset.Request(name=names, position=positions)
+        return simulator.client.call(Reset, 'tp_sim/reset', request)
+
+    assert reset(['joint_2'], [0.9]).success
+    assert list(simulator.next_states(2)[-1].position) == [0.0, 0.9, 0.3]
+    for names, positions, reason in [
+        (['joint_2'], [1.5], 'positions from'),
+        (['joint_9'], [0.5], 'joint_1, joint_2, joint_3'),
+        (['joint_1'], [], 'one position for each name'),
+        (['joint_1'], [float('nan')], 'finite'),
+    ]:
+        response = reset(names, positions)
+        assert not response.success
+        assert reason in response.message
+        assert list(simulator.next_states(2)[-1].position) == [0.0, 0.9, 0.3]
+    assert reset([], []).success
+    assert list(simulator.next_states(2)[-1].position) == START
+
+
+def test_lockstep_waits_for_the_command_that_answers_its_stamp(lone_simulator):
+    simulator = lone_simulator({'tp_sim': {'lockstep': True}})
+    first = simulator.next_states()[0]
+    simulator.client.spin_for(0.3)
+    assert {s.header.stamp.nanosec for s in simulator.states} == {first.header.stamp.nanosec}
+    simulator.command([0.6, 0.0, 0.0])
+    simulator.client.spin_for(0.3)
+    assert list(simulator.states[-1].position) == START
+    simulator.command([0.6, 0.0, 0.0], stamp=first.header.stamp)
+    simulator.client.wait_for(lambda: simulator.states[-1].position[0] != 0.0, 'a step')
+    assert list(simulator.states[-1].position) == pytest.approx([0.01, 0.6, 0.3])
+    stamps = [s.header.stamp.sec * 10**9 + s.header.stamp.nanosec for s in simulator.states]
+    assert stamps[-1] - stamps[0] == round(1e9 / 60.0)
+
+
+def test_pause_and_step_are_refused_in_real_time(lone_simulator):
+    simulator = lone_simulator({})
+    step = simulator.client.call(Step, 'tp_sim/step', Step.Request(steps=1))
+    pause = simulator.client.call(SetBool, 'tp_sim/pause', SetBool.Request(data=True))
+    assert not step.success
+    assert not pause.success
+    assert 'lockstep' in step.message
+    assert 'lockstep' in pause.message
+
+
+def test_a_paused_lockstep_goes_on_by_resume_and_stops_by_pause(config):
+    with ClosedLoop(config / 'a4_position_joint.yaml') as loop:
+        cycles = loop.state.cycles
+        assert loop.client.call(SetBool, 'tp_sim/pause', SetBool.Request(data=False)).success
+        loop.client.wait_for(lambda: loop.state.cycles > cycles + 100, 'cycles')
+        with pytest.raises(HarnessError, match='busy'):
+            loop.step()
+        assert loop.client.call(SetBool, 'tp_sim/pause', SetBool.Request(data=True)).success
+        loop.step(10)
+        assert loop.record.error_norm['ee_position'][-1] < 0.5
+
+
+def test_lockstep_with_array_commands_gives_the_same_motion(config):
+    ends = []
+    for kind in ('joint_state', 'float64_multi_array'):
+        changes = {
+            '/**': {'command': {'type': kind}},
+            # Not the wall clock of a busy machine, only lost states shall end a wait.
+            'tp_controller': {'timeouts': {'joint_state': 5.0}},
+        }
+        with ClosedLoop(config / 'a4_position_joint.yaml', changes) as loop:
+            loop.run(2.0)
+            ends.append(loop.record.q)
+    assert np.array_equal(ends[0], ends[1])
