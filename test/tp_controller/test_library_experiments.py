@@ -105,31 +105,27 @@ def test_the_orientation_of_an_inner_link_settles_below_the_position():
     assert math.remainder(q[0] + q[1], 2 * PI) == pytest.approx(0.0, abs=1e-3)
 
 
-def tracking_error(feedforward, gain=1.0, damping=0.0):
-    """Position error, and the gap to the target, after 4 s on a moving target."""
+def tracking_error(feedforward, gain):
+    """Position error after 8 s behind a moving target, and the target's velocity."""
     velocity = np.array([-0.05, 0.08])
-    parameters = changed({'solver.damping': damping, 'hierarchy': ['tip']})
-    parameters |= {'tasks.tip.gain': [gain], 'tasks.tip.feedforward': [0.0, 0.0]}
+    parameters = changed({'solver.damping': 0.0, 'hierarchy': ['tip'], 'tasks.tip.gain': [gain]})
     stack = build_settings(parameters).stack
     tip = stack.tasks['tip']
-    start, q, dt = np.array([1.0, 0.5]), np.array([0.0, 0.6, 0.3]), 1e-3
-    if feedforward:
-        tip.feedforward = velocity
-    for i in range(10000):
+    tip.feedforward = velocity if feedforward else [0.0, 0.0]
+    start, q, dt = np.array([1.0, 0.5]), np.array([0.0, 0.6, 0.3]), 0.004
+    for i in range(2000):
         tip.target = start + velocity * i * dt
-        command = stack.step(q).command
-        error = tip.error.copy()
-        q = q + dt * command
-    return error, velocity
+        q = q + dt * stack.step(q).command
+    return tip.error.copy(), velocity
 
 
 @pytest.mark.parametrize('gain', [1.0, 2.0])
 def test_the_tracking_error_of_a_moving_target_vanishes_with_the_matching_feedforward(gain):
     error, _ = tracking_error(feedforward=True, gain=gain)
-    assert np.linalg.norm(error) < 1e-4
+    assert np.linalg.norm(error) < 5e-4
 
 
 @pytest.mark.parametrize('gain', [1.0, 2.0])
 def test_without_feedforward_the_tracking_error_is_velocity_over_gain(gain):
     error, velocity = tracking_error(feedforward=False, gain=gain)
-    np.testing.assert_allclose(error, velocity / gain, atol=1e-4)
+    np.testing.assert_allclose(error, velocity / gain, atol=5e-4)

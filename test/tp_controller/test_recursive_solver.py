@@ -39,7 +39,7 @@ def assert_follows_the_recursion(stack, q, damping):
 
 
 @given(stacks_in_a_state(arms(), st.just(0.0)))
-@examples(150)
+@examples(100)
 def test_without_damping_the_command_is_that_of_explicit_projectors(case):
     assert_follows_the_recursion(*case, 0.0)
 
@@ -52,7 +52,7 @@ def test_without_damping_tasks_out_of_reach_of_the_joints_are_left_out(case):
 
 
 @given(stacks_in_a_state(arms() | planar_arms(), numbers(0.01, 2)))
-@examples(150)
+@examples(100)
 def test_with_damping_the_command_is_that_of_damped_least_squares(case):
     stack, _ = case
     assert_follows_the_recursion(*case, stack.solver.damping)

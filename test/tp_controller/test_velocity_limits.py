@@ -24,7 +24,7 @@ def step(block, q, velocity=None):
 
 
 @given(limited_stacks())
-@examples(150)
+@examples(100)
 def test_no_component_ever_exceeds_its_limit_and_the_direction_is_kept(case):
     block, velocity, q = case
     free = step(block, q)
@@ -80,7 +80,7 @@ speeds = st.floats(-1e6, 1e6, allow_subnormal=False)
 
 
 @given(st.lists(st.tuples(speeds, st.floats(1e-6, 1e6)), min_size=1, max_size=9))
-@examples(400)
+@examples(250)
 def test_scaling_is_exact_to_the_last_bit_at_the_limit(pairs):
     qd, velocity = np.array(pairs).T
     scaled = qd.copy()

@@ -15,12 +15,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from visualization_msgs.msg import MarkerArray
 
 from tp_controller.config import build_settings, check_changes, controller_schema
 from tp_controller.errors import InvalidValue, UnusableState
 from tp_controller.ros.feedforward import FeedforwardOverrides
 from tp_controller.ros.goals import GOAL_TYPES, GoalReader, feedforward_type
 from tp_controller.ros.joint_states import JointStateReader
+from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
+from tp_controller.ros.markers import Markers
 from tp_controller.ros.parameters import ROS_OWN, describe_parameters, given_parameters
 from tp_controller.ros.state import StateMessage, field_view
 from tp_controller.tasks import Task
@@ -80,6 +83,11 @@ class ControllerNode(Node):
             min(self._stale_after / 4.0, HEARTBEAT),
             self._watch,
             clock=Clock(clock_type=ClockType.STEADY_TIME),
+        )
+        self._markers = Markers(robot, self._state.msg)
+        self._marker_publisher = self.create_publisher(MarkerArray, '~/markers', 10)
+        self.create_timer(
+            MARKER_PERIOD, self._publish_markers, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         self._pending_changes: Callable[[], None] | None = None
         self.add_on_set_parameters_callback(self._check_parameters)
@@ -141,6 +149,10 @@ class ControllerNode(Node):
             return
         self._last_heartbeat = now
         self._state_publisher.publish(state)
+
+    def _publish_markers(self) -> None:
+        if self._goals.robot_seen and self._marker_publisher.get_subscription_count():
+            self._marker_publisher.publish(self._markers.array(self.get_clock().now().to_msg()))
 
     def _change_status(self, status: int, message: str) -> None:
         self._state.msg.status = status

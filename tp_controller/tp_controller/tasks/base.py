@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, shown
-from tp_controller.parameters import NUMBERS, TEXT, Parameter
+from tp_controller.parameters import NUMBERS, REQUIRED, TEXT, Parameter
 from tp_controller.robot import Robot
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 COMMON: Mapping[str, Parameter] = {
-    'type': Parameter(TEXT, 'Kind of task'),
+    'type': Parameter(TEXT, 'Kind of task', default=REQUIRED),
     'gain': Parameter(
         NUMBERS,
         'Gain [1/s]: one value, one per row, or a full matrix row by row',

@@ -15,6 +15,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
+from rclpy.subscription import Subscription
 
 from tp_controller.errors import listed
 from tp_controller.ros.goals import feedforward_message, goal_message
@@ -67,7 +68,9 @@ class Client:
         """Newest state of the controller."""
         self.on_state: list[Callable[[ControllerState], None]] = []
         """Called with every state of the controller."""
-        self.subscribe(ControllerState, 'tp_controller/state', self._keep_state)
+        self._state_subscription = self.subscribe(
+            ControllerState, 'tp_controller/state', self._keep_state
+        )
 
     def close(self) -> None:
         """Leave the domain."""
@@ -97,9 +100,17 @@ class Client:
             self._alive()
             self._executor.spin_once(timeout_sec=min(left, 0.1))
 
-    def subscribe(self, message_type: type, topic: str, callback: Callable[[Any], None]) -> None:
+    def subscribe(
+        self, message_type: type, topic: str, callback: Callable[[Any], None]
+    ) -> Subscription:
         """Call back for every message of a topic, none of them dropped here."""
-        self.node.create_subscription(message_type, topic, callback, QoSProfile(depth=5000))
+        return self.node.create_subscription(
+            message_type, topic, callback, QoSProfile(depth=5000)
+        )
+
+    def ignore_state(self) -> None:
+        """Stop listening to the controller's state, which then need not publish it."""
+        self.node.destroy_subscription(self._state_subscription)
 
     def collect(self, message_type: type, topic: str) -> list[Any]:
         """List to which every further message of a topic is appended."""

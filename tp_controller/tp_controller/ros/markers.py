@@ -1,0 +1,102 @@
+"""What RViz shows: the arm, the paths of the controlled frames and their targets."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Point
+from numpy.typing import NDArray
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from tp_controller.robot import Robot
+from tp_interfaces.msg import ControllerState, TaskState
+
+PERIOD = 0.1
+"""Time [s] between markers."""
+PATH_POINTS = 300
+"""Length of a path: 30 s."""
+
+GREY = ColorRGBA(r=0.6, g=0.6, b=0.6, a=1.0)
+BLUE = ColorRGBA(r=0.12, g=0.47, b=0.71, a=1.0)
+ORANGE = ColorRGBA(r=1.0, g=0.5, b=0.05, a=1.0)
+
+
+class Markers:
+    """Makes marker arrays of a robot and its tasks.
+
+    Parameters
+    ----------
+    robot
+        The robot.
+    state
+        The controller's state, kept up to date by its owner.
+    """
+
+    def __init__(self, robot: Robot, state: ControllerState) -> None:
+        self._robot = robot
+        self._state = state
+        self._paths: dict[str, deque[Point]] = {}
+
+    def array(self, stamp: Time) -> MarkerArray:
+        """Markers of the present configuration; every call adds a point to the paths."""
+        skeleton = _points(self._robot.skeleton())
+        width = 0.03 * max(np.ptp(self._robot.skeleton(), axis=0).max(), 0.1)
+        markers = [
+            self._marker(stamp, 'robot', 0, Marker.LINE_STRIP, skeleton, width, GREY),
+            self._marker(stamp, 'robot', 1, Marker.SPHERE_LIST, skeleton, 1.6 * width, BLUE),
+        ]
+        controlled = [task for task in self._state.tasks if task.enabled and task.frame]
+        for i, frame in enumerate(dict.fromkeys(task.frame for task in controlled)):
+            path = self._paths.setdefault(frame, deque(maxlen=PATH_POINTS))
+            path.append(_point(self._robot.frame(frame).position))
+            markers.append(
+                self._marker(stamp, 'path', i, Marker.LINE_STRIP, list(path), 0.3 * width, BLUE)
+            )
+        targets = [
+            _point(_target(task, self._robot.frame(task.frame).position))
+            for task in controlled
+            if task.type in ('position', 'pose')
+        ]
+        # An empty list takes the targets of an earlier hierarchy away.
+        markers.append(
+            self._marker(stamp, 'target', 0, Marker.SPHERE_LIST, targets, 2.0 * width, ORANGE)
+        )
+        return MarkerArray(markers=markers)
+
+    def _marker(
+        self,
+        stamp: Time,
+        name: str,
+        number: int,
+        kind: int,
+        points: list[Point],
+        width: float,
+        color: ColorRGBA,
+    ) -> Marker:
+        marker = Marker(ns=name, id=number, type=kind, points=points, color=color)
+        marker.action = Marker.ADD if points else Marker.DELETE
+        marker.header.stamp = stamp
+        marker.header.frame_id = self._robot.base_frame
+        marker.scale.x = marker.scale.y = marker.scale.z = width
+        return marker
+
+
+def _target(task: TaskState, current: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Desired position, along axes that the task leaves free the present one."""
+    target = current.copy()
+    for axis, value in zip(task.components, task.desired, strict=False):
+        if len(axis) == 1:
+            target['xyz'.index(axis)] = value
+    return target
+
+
+def _point(position: NDArray[np.float64]) -> Point:
+    x, y, z = position.tolist()
+    return Point(x=x, y=y, z=z)
+
+
+def _points(positions: NDArray[np.float64]) -> list[Point]:
+    return [_point(position) for position in positions]
