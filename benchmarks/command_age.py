@@ -80,9 +80,7 @@ class Driver:
 def run(seconds: float) -> bool:
     """Measure and print; return whether the promises hold."""
     domain = PrivateDomain()
-    echo = subprocess.Popen(
-        [sys.executable, HERE / 'echo_node.py'], env=domain.environment()
-    )
+    echo = subprocess.Popen([sys.executable, HERE / 'echo_node.py'], env=domain.environment())
     controller = NodeProcess('tp_controller', 'controller', CONFIG, domain.environment())
     client = Client(domain)
     # The state is published only for those who listen; here nobody is to.

@@ -1,5 +1,7 @@
 """The least that a node can do: every joint state back as it came."""
 
+import contextlib
+
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from sensor_msgs.msg import JointState
@@ -10,10 +12,8 @@ def main() -> None:
     node = rclpy.create_node('echo')
     publisher = node.create_publisher(JointState, 'echo/command', 100)
     node.create_subscription(JointState, 'echo/joint_states', publisher.publish, 100)
-    try:
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
         rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
 
 
 if __name__ == '__main__':

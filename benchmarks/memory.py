@@ -25,8 +25,7 @@ def run(cycles: int) -> bool:
             due = cycles * tenth // 10
             loop.client.wait_for(lambda due=due: loop.state.cycles >= due, 'cycles', 600.0)
             memory = [
-                process.resident_memory / MEGABYTE
-                for process in (loop.controller, loop.simulator)
+                process.resident_memory / MEGABYTE for process in (loop.controller, loop.simulator)
             ]
             rows.append((loop.state.cycles, *memory))
     table = Table(title=f'Resident memory [MB] over {cycles} cycles in lockstep')

@@ -91,7 +91,10 @@ class Parameter:
     def _number(self, key: str, item: Any, value: Any) -> float:
         if isinstance(item, bool) or not isinstance(item, int | float):
             raise InvalidValue(key, shown(value), self.accepts)
-        number = float(item)
+        try:
+            number = float(item)
+        except OverflowError:
+            number = math.inf
         if not math.isfinite(number):
             raise InvalidValue(key, shown(value), f'{self.accepts}, all finite')
         too_low = self.minimum is not None and number < self.minimum

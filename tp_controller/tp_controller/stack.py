@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,7 @@ class Stack:
         self.solver = solver
         self.tasks = {task.name: task for task in tasks}
         self._unaimed = list(self.tasks.values())
+        self._held: list[Task] = []
         self._qd: Vector = np.zeros(robot.n)
         self._command = _read_only(self._qd)
         self._levels: tuple[_Level, ...] = ()
@@ -131,25 +132,34 @@ class Stack:
         UnusableState
             If no finite command follows from the configuration.
         """
+        if not np.isfinite(q).all():
+            self._refuse(q)
         self.robot.update(q)
-        if self._unaimed:
-            for task in self._unaimed:
-                if task.target is None:
-                    task.hold()
-            self._unaimed = []
+        for task in self._unaimed:
+            if task.target is None:
+                task.hold()
+                self._held.append(task)
         try:
             for level in self._levels:
                 level.update()
             self.solver.solve(self._equations, self._qd)
         except np.linalg.LinAlgError:
-            self._qd[:] = np.nan
+            self._refuse(q)
         if not np.isfinite(self._qd).all():
-            self._qd[:] = 0.0
-            raise UnusableState(f'no finite command follows from the position {shown(q)}')
+            self._refuse(q)
+        if self._unaimed:
+            self._unaimed, self._held = [], []
         scale = self.robot.limits.scale_velocity(self._qd)
         for level in self._levels:
             np.dot(level.equations.J, self._qd, out=level.achieved)
         return Step(self._command, scale, self._results)
+
+    def _refuse(self, q: Vector) -> NoReturn:
+        self._qd[:] = 0.0
+        for task in self._held:
+            task.forget_target()
+        self._held = []
+        raise UnusableState(f'no finite command follows from the position {shown(q)}')
 
 
 class _Level:

@@ -143,9 +143,11 @@ class Frame:
     def jacobian(self) -> Matrix:
         """Jacobian (6, n) to the frame's twist [v; ω], both in the base frame; read-only."""
         if self._jacobian is None:
-            self._jacobian = pin.getFrameJacobian(
+            jacobian = pin.getFrameJacobian(
                 self._model, self._data, self._index, pin.LOCAL_WORLD_ALIGNED
             )
+            # A single column arrives as a vector.
+            self._jacobian = jacobian.reshape(6, -1)
             self._jacobian.flags.writeable = False
         return self._jacobian
 

@@ -56,4 +56,10 @@ class Solver(ABC):
 
     @abstractmethod
     def solve(self, levels: Sequence[Equations], qd: Vector) -> None:
-        """Write the joint velocity (n,) that answers the levels, highest first, to ``qd``."""
+        """Write the joint velocity (n,) that answers the levels, highest first, to ``qd``.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If a Jacobian is not finite or leaves the range of floats.
+        """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -39,14 +40,16 @@ class RecursiveSolver(Solver):
         square = self.damping * self.damping
         N = None
         for J, velocity in levels:
+            size = math.sqrt(np.vdot(J, J))
+            if not size < math.inf:
+                raise np.linalg.LinAlgError('a Jacobian beyond the range of floats')
             J_bar = J if N is None else J @ N
             U, s, Vt = np.linalg.svd(J_bar)
-            rank = int(np.count_nonzero(s > RANK_TOLERANCE * np.linalg.norm(J)))
-            # Without damping the directions outside the rank stay out; with it they fade.
-            kept = s if square > 0.0 else s[:rank]
-            m = len(kept)
+            rank = int(np.count_nonzero(s > RANK_TOLERANCE * size))
+            # Directions outside the rank stay out: damping near 0 would amplify rounding.
+            s = s[:rank]
             residual = velocity - J @ qd if N is not None else velocity
-            step = (kept / (kept * kept + square) * (residual @ U[:, :m])) @ Vt[:m]
+            step = (s / (s * s + square) * (residual @ U[:, :rank])) @ Vt[:rank]
             qd += step if N is None else N @ step
             if rank == Vt.shape[0]:
                 return

@@ -134,6 +134,10 @@ class Task(ABC):
         """Take the present value as the target."""
         self._target = self.current
 
+    def forget_target(self) -> None:
+        """Have no target, as before the first one."""
+        self._target = np.zeros(0)
+
     @property
     def gain(self) -> Matrix:
         """Gain matrix K (k, k) [1/s]; a copy."""

@@ -104,9 +104,7 @@ class Client:
         self, message_type: type, topic: str, callback: Callable[[Any], None]
     ) -> Subscription:
         """Call back for every message of a topic, none of them dropped here."""
-        return self.node.create_subscription(
-            message_type, topic, callback, QoSProfile(depth=5000)
-        )
+        return self.node.create_subscription(message_type, topic, callback, QoSProfile(depth=5000))
 
     def ignore_state(self) -> None:
         """Stop listening to the controller's state, which then need not publish it."""
