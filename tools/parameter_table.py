@@ -32,7 +32,8 @@ def _group(
 ) -> list[str]:
     rows = [f'| **{title}** | | | |']
     for key, parameter in schema.items():
-        if key not in (without or {}):
+        other = (without or {}).get(key)
+        if other is None or other.description != parameter.description:
             changes = 'yes' if parameter.runtime else ''
             rows.append(f'| `{key}` | {_meaning(parameter)} | {_default(parameter)} | {changes} |')
     return rows

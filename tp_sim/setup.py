@@ -16,6 +16,7 @@ setup(
     maintainer=maintainer.text,
     maintainer_email=maintainer.get('email'),
     packages=find_packages(exclude=['test', 'test.*']),
+    package_data={'tp_sim.harness': ['discovery.xml']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{name}']),
         (f'share/{name}', ['package.xml']),

@@ -98,7 +98,7 @@ TABLE = [
     ({'robot.dh.base_pose': [0.0] * 3}, 'robot.dh.base_pose', ['3 values', '6 values', 'yaw']),
     ({'robot.joints': ['a', 'a', 'b']}, 'robot.joints', ["['a', 'a', 'b']", 'once']),
     ({'robot.joints': ['a', 'b']}, 'robot.dh.theta', ['3 values', '2 values', 'robot.joints']),
-    ({'robot.base_frame': 'link_1'}, 'robot.base_frame', ["'link_1'", 'link_2, link_3']),
+    ({'robot.base_frame': 'link_1'}, 'robot.base_frame', ["'link_1'", 'link_2']),
     ({'robot.limits.velocity': [1.0] * 2}, 'robot.limits.velocity', ['2 values', '3, one per']),
     ({'robot.limits.velocity': []}, 'robot.limits.velocity', ['0 values', '1 value or 3']),
     ({'robot.limits.velocity': [0.0]}, 'robot.limits.velocity', ['[0.0]', 'above 0']),

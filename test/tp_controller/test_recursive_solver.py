@@ -141,6 +141,20 @@ def test_the_rank_does_not_depend_on_the_unit_of_a_level():
         np.testing.assert_allclose(solved(scaled), expected, atol=1e-9)
 
 
+@pytest.mark.parametrize('share', [1e-3, 1e-5, 1e-7])
+def test_a_direction_that_is_hard_to_reach_still_belongs_to_its_level(share):
+    level = (np.diag([1.0, share]), np.array([0.5, share]))
+    lower = (np.array([[0.0, 1.0]]), np.array([-3.0]))
+    np.testing.assert_allclose(solved([level, lower]), [0.5, 1.0], rtol=1e-9)
+
+
+@pytest.mark.parametrize('share', [0.0, 1e-10, 1e-14])
+def test_a_direction_out_of_reach_is_left_to_the_lower_levels(share):
+    level = (np.diag([1.0, share]), np.array([0.5, 1.0]))
+    lower = (np.array([[0.0, 1.0]]), np.array([-3.0]))
+    np.testing.assert_allclose(solved([level, lower]), [0.5, -3.0], rtol=1e-9)
+
+
 def test_solving_leaves_its_input_alone():
     levels = random_levels(6, 4, [2, 3])
     before = [(J.copy(), velocity.copy()) for J, velocity in levels]

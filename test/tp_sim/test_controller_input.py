@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tp_interfaces.msg import ControllerState
+from tp_sim.harness import GoalRejected
 
 START = [0.0, 0.6, 0.3]
 
@@ -67,6 +68,28 @@ def test_bad_joint_states_are_ignored_counted_and_explained(lone_controller):
     ), 'only the zero command of a stale state may follow'
     assert controller.ask(START) == before
     assert controller.state.status == ControllerState.RUNNING
+
+
+def test_before_the_first_state_unknown_values_are_not_numbers(lone_controller):
+    controller = lone_controller({'tp_controller': {'tasks': {'ee_position': {'target': None}}}})
+    position, joint = controller.state.tasks
+    assert np.isnan(position.error_norm)
+    assert np.all(np.isnan([*position.error, *position.current, *position.desired]))
+    assert list(joint.desired) == [0.0]
+    assert np.all(np.isnan(controller.state.position))
+
+
+def test_a_refused_goal_is_told_even_while_bad_states_are(lone_controller):
+    controller = lone_controller()
+    client = controller.client
+    controller.ask(START)
+    for number in range(3):
+        controller.give_bad([0.0, np.nan, 0.3])
+        with pytest.raises(GoalRejected, match=f'map_{number}'):
+            client.send_goal('ee_position', [1.0, 0.5], frame=f'map_{number}')
+        controller.process.wait_for_output(
+            f"ee_position: goal rejected: header.frame_id: got 'map_{number}'"
+        )
 
 
 def test_when_states_stop_the_command_goes_to_zero_once_and_resumes(lone_controller):

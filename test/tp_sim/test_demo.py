@@ -54,7 +54,7 @@ def test_a_goal_out_of_reach_gives_status_1(config, tmp_path):
         ({'tp_demo': None}, 'tp_demo.goals: got no value'),
         ({'tp_demo': {'goals': ['ee_position up']}}, "tp_demo.goals: got 'ee_position up'"),
         ({'tp_controller': {'hierarchy': ['hand']}}, "hierarchy: got 'hand'"),
-        ({'tp_demo': {'goals': ['hand 1.0']}}, "no task 'hand'"),
+        ({'tp_demo': {'goals': ['hand 1.0']}}, "tp_demo.goals: got the task 'hand'"),
     ],
 )
 def test_what_cannot_be_run_gives_status_2_and_one_line(config, tmp_path, changes, message):

@@ -65,10 +65,10 @@ def domain():
     domain.close()
 
 
-def refusal(package, executable, path, domain):
+def refusal(package, executable, path, domain, *ros_arguments):
     """The single line with which an executable refuses a parameter file."""
     started = time.monotonic()
-    process = NodeProcess(package, executable, path, domain.environment())
+    process = NodeProcess(package, executable, path, domain.environment(), ros_arguments)
     status = process.wait(20.0)
     assert time.monotonic() - started < 5.0
     output = process.output
@@ -126,6 +126,20 @@ def test_a_task_listed_twice_in_the_file_is_refused(config, tmp_path, domain):
     path.write_text(text.replace('joint_1_position:\n', 'ee_position:\n'))
     line = refusal('tp_controller', 'controller', path, domain)
     assert "'ee_position' a second time in line" in line
+
+
+def test_an_empty_list_on_the_command_line_is_refused(config, domain):
+    path = config / 'a4_position_joint.yaml'
+    rule = ('-p', 'tp_controller:hierarchy:=[]')
+    line = refusal('tp_controller', 'controller', path, domain, *rule)
+    check(line, 'tp_controller', 'hierarchy', 'an empty list', 'at least one value')
+
+
+def test_a_file_without_a_block_for_the_node_is_refused_with_its_blocks(config, domain):
+    path = config / 'a4_position_joint.yaml'
+    line = refusal('tp_sim', 'simulator', path, domain, '-r', '__node:=sim_2')
+    assert 'rate: got no value' in line
+    assert '/**/tp_sim' in line
 
 
 def test_without_a_parameter_file_the_first_missing_key_is_named(domain):

@@ -41,6 +41,7 @@ def send_goal(loop, *arguments):
     [
         (['ee_position', '1.2', '-0.5'], [1.2, -0.5]),
         (['ee_orientation', '-1.5'], [-1.5]),
+        (['ee_position', '-.4', '-1e-1'], [-0.4, -0.1]),
         (['hand_pose', '0.2', '1.2', '2.4'], [0.2, 1.2, 2.4]),
         (['hand_rotation', '0', '0', '2.0', '0'], [0.0, 0.0, 1.0, 0.0]),
         (['elbow', '0.3', '-0.4'], [0.3, -0.4]),
@@ -67,7 +68,10 @@ def test_a_goal_for_every_task_type_is_accepted_with_an_answer(loop, arguments, 
         (['elbow', '1.0'], 'elbow: got 1 value; accepts 2: joint_2'),
         (['hand_rotation', '1.0'], 'accepts 4: quaternion x, y, z, w'),
         (['ee_position', '1.0', 'nan'], 'ee_position: got [1.0, nan]; accepts finite numbers'),
-        (['ee_position', '1.0', '0.5', '--frame', 'map'], 'base, link_1, link_2, link_3'),
+        (
+            ['ee_position', '1.0', '0.5', '--frame', 'map'],
+            "ee_position: goal rejected: header.frame_id: got 'map'; accepts '', base, link_1",
+        ),
         (['hand_rotation', '0', '0', '0', '0'], 'quaternion'),
     ],
 )
@@ -87,6 +91,13 @@ def test_without_a_controller_it_says_so(loop):
     )
     assert status == 3
     assert output == 'send_goal: no controller speaks on /nobody/state (waited 0.5 s)'
+
+
+def test_a_name_that_no_node_can_have_is_refused(loop):
+    status, output = send_goal(loop, 'ee_position', '1', '1', '--controller', 'bad name')
+    assert status == 2
+    assert 'bad name' in output
+    assert 'Traceback' not in output
 
 
 def test_words_for_numbers_are_refused(loop):

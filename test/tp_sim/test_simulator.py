@@ -179,6 +179,26 @@ def test_a_paused_lockstep_goes_on_by_resume_and_stops_by_pause(config):
         assert loop.record.error_norm['ee_position'][-1] < 0.5
 
 
+def test_commands_of_the_type_that_the_controller_publishes_are_followed(config):
+    changes = {'tp_controller': {'command': {'type': 'float64_multi_array'}}}
+    with ClosedLoop(config / 'a4_position_joint.yaml', changes, lockstep=False) as loop:
+        loop.client.wait_for(
+            lambda: loop.client.task('ee_position').error_norm < 0.4, 'the arm to move'
+        )
+
+
+def test_a_step_without_a_controller_says_so_and_a_second_one_is_refused(lone_simulator):
+    simulator = lone_simulator({'tp_sim': {'lockstep': True, 'paused': True}})
+    client = simulator.client.node.create_client(Step, 'tp_sim/step')
+    simulator.client.wait_for(client.service_is_ready, 'the service')
+    client.call_async(Step.Request(steps=1))
+    simulator.next_states()
+    response = simulator.client.call(Step, 'tp_sim/step', Step.Request(steps=1))
+    assert not response.success
+    assert 'busy' in response.message
+    simulator.process.wait_for_output('no command answers')
+
+
 def test_lockstep_with_array_commands_gives_the_same_motion(config):
     ends = []
     for kind in ('joint_state', 'float64_multi_array'):

@@ -37,6 +37,10 @@ class InvalidValue(TaskPriorityError):
         return InvalidValue(f'{place}: {self.key}', self.got, self.accepts)
 
 
+NO_VALUE = 'no value'
+"""What was got of a required parameter that is missing."""
+
+
 class UnusableState(TaskPriorityError):
     """A joint state from which no finite command follows."""
 

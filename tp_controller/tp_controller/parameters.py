@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from tp_controller.errors import InvalidValue, listed, shown
+from tp_controller.errors import NO_VALUE, InvalidValue, listed, shown
 
 NUMBER = 'number'
 NUMBERS = 'numbers'
@@ -90,13 +90,17 @@ class Parameter:
 
     def _number(self, key: str, item: Any, value: Any) -> float:
         if isinstance(item, bool) or not isinstance(item, int | float):
-            raise InvalidValue(key, shown(value), self.accepts)
+            # The ros2 command line makes a text of a list that mixes 1 and 2.5.
+            mixed = isinstance(value, str) and value.startswith('[')
+            hint = ' (of one kind: write 1.0 for 1)' if mixed else ''
+            raise InvalidValue(key, shown(value), self.accepts + hint)
         try:
             number = float(item)
         except OverflowError:
             number = math.inf
         if not math.isfinite(number):
-            raise InvalidValue(key, shown(value), f'{self.accepts}, all finite')
+            finite = 'finite' if self.kind == NUMBER else 'all finite'
+            raise InvalidValue(key, shown(value), f'{self.accepts}, {finite}')
         too_low = self.minimum is not None and number < self.minimum
         if too_low or (self.above is not None and number <= self.above):
             raise InvalidValue(key, shown(value), self.accepts)
@@ -104,7 +108,9 @@ class Parameter:
 
     def _text(self, key: str, item: Any, value: Any) -> str:
         if not isinstance(item, str) or (self.choices and item not in self.choices):
-            raise InvalidValue(key, shown(value), self.accepts)
+            quote = isinstance(item, bool)
+            hint = ' (in quotes: YAML takes y, n, on and off for true and false)' if quote else ''
+            raise InvalidValue(key, shown(value), self.accepts + hint)
         return item
 
 
@@ -154,19 +160,19 @@ def read_all(flat: Mapping[str, Any], schema: Mapping[str, Parameter]) -> Flat:
     """
     for key in flat:
         if key not in schema:
-            raise InvalidValue(key, 'an unknown parameter', _alternatives(key, schema))
+            raise InvalidValue(key, 'an unknown parameter', alternatives(key, schema))
     values: Flat = {}
     for key, parameter in schema.items():
         if flat.get(key) is not None:
             values[key] = parameter.read(key, flat[key])
         elif parameter.default is REQUIRED:
-            raise InvalidValue(key, 'no value', parameter.accepts)
+            raise InvalidValue(key, NO_VALUE, parameter.accepts)
         else:
             values[key] = parameter.default
     return values
 
 
-def _alternatives(key: str, schema: Mapping[str, Parameter]) -> str:
+def alternatives(key: str, schema: Mapping[str, Parameter]) -> str:
     """Keys that may have been meant: close ones first, else those beside it."""
     close = difflib.get_close_matches(key, schema, n=1, cutoff=0.8)
     beside = [name for name in schema if name.rpartition('.')[0] == key.rpartition('.')[0]]

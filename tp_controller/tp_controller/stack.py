@@ -140,9 +140,11 @@ class Stack:
                 task.hold()
                 self._held.append(task)
         try:
-            for level in self._levels:
-                level.update()
-            self.solver.solve(self._equations, self._qd)
+            # What overflows is not finite and refused below.
+            with np.errstate(over='ignore', invalid='ignore'):
+                for level in self._levels:
+                    level.update()
+                self.solver.solve(self._equations, self._qd)
         except np.linalg.LinAlgError:
             self._refuse(q)
         if not np.isfinite(self._qd).all():

@@ -45,8 +45,15 @@ class Integrator:
         """Velocities (n,) [rad/s, m/s] of the last step as carried out; a copy."""
         return self._qd.copy()
 
-    def check(self, q: Sequence[float] | Vector) -> Vector:
+    def check(self, q: Sequence[float] | Vector, key: str = 'initial_positions') -> Vector:
         """Copy of positions (n,) that the joints can have.
+
+        Parameters
+        ----------
+        q
+            The positions [rad, m].
+        key
+            What they are, for the message.
 
         Raises
         ------
@@ -56,14 +63,12 @@ class Integrator:
         q = np.array(q, dtype=float)
         lower, upper = self.limits.position_min, self.limits.position_max
         if q.shape != lower.shape:
-            raise InvalidValue(
-                'initial_positions', f'{q.size} values', f'{lower.size}, one per joint'
-            )
+            raise InvalidValue(key, f'{q.size} values', f'{lower.size}, one per joint')
         if not np.all(np.isfinite(q)):
-            raise InvalidValue('initial_positions', shown(q), 'finite numbers')
+            raise InvalidValue(key, shown(q), 'finite numbers')
         if np.any(q < lower) or np.any(q > upper):
             raise InvalidValue(
-                'initial_positions',
+                key,
                 shown(q),
                 f'positions from {shown(lower)} to {shown(upper)}',
             )
@@ -77,7 +82,7 @@ class Integrator:
         InvalidValue
             As `check`; the joints stay where they are then.
         """
-        self._q = self._initial.copy() if q is None else self.check(q)
+        self._q = self._initial.copy() if q is None else self.check(q, 'reset')
         self._qd[:] = 0.0
 
     def step(self, qd: Vector, dt: float) -> None:

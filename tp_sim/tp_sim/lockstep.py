@@ -8,6 +8,9 @@ from collections.abc import Callable
 from rclpy.node import Node
 from rclpy.task import Future
 
+PATIENCE = 20
+"""Repetitions of an unanswered state before it is said that nobody answers."""
+
 
 class Lockstep:
     """Decides when to publish a state and when to move on.
@@ -23,6 +26,8 @@ class Lockstep:
         The node whose executor waits for the end of a run.
     publish
         Publishes the present state with a stamp [ns].
+    listeners
+        Counts those who listen to the states.
     move
         Integrates the newest command for one step and returns its length [ns].
     paused
@@ -33,11 +38,13 @@ class Lockstep:
         self,
         node: Node,
         publish: Callable[[int], None],
+        listeners: Callable[[], int],
         move: Callable[[], int],
         paused: bool,
     ) -> None:
         self._node = node
         self._publish = publish
+        self._count_listeners = listeners
         self._move = move
         self._now = time.time_ns()
         self._waiting = False
@@ -45,7 +52,9 @@ class Lockstep:
         self._steps_left: int | None = 0
         """Steps to go in this run; None runs on without end."""
         self._finished: Future | None = None
-        self._listeners = 0
+        self._listened = False
+        """Whether anybody was there to hear the newest state."""
+        self._patience = PATIENCE
         if not paused:
             self.resume()
 
@@ -98,14 +107,33 @@ class Lockstep:
         if self._waiting:
             self._show()
 
-    def repeat(self, listeners: int, always: bool) -> None:
-        """Publish an unanswered state once more, or only if there are more listeners."""
-        if self._waiting and (always or listeners > self._listeners):
-            self._show()
-        self._listeners = listeners
+    def repeat(self, always: bool) -> bool:
+        """Publish an unanswered state once more.
+
+        Parameters
+        ----------
+        always
+            False: only if somebody listens and nobody did when it was published.
+
+        Returns
+        -------
+        bool
+            Whether it has just become clear that nobody answers.
+        """
+        if not self._waiting:
+            return False
+        if always or (not self._listened and self._count_listeners()):
+            self._publish_now()
+        self._patience -= 1
+        return self._patience == 0
 
     def _show(self) -> None:
         self._waiting = True
+        self._patience = PATIENCE
+        self._publish_now()
+
+    def _publish_now(self) -> None:
+        self._listened = self._count_listeners() > 0
         self._publish(self._now)
 
     def _finish(self, complete: bool) -> None:

@@ -12,6 +12,7 @@ from tp_controller.parameters import (
     BOOLEAN,
     NUMBER,
     NUMBERS,
+    REQUIRED,
     Flat,
     Parameter,
     flatten,
@@ -22,7 +23,12 @@ from tp_sim.integrator import Integrator
 SIMULATOR: Mapping[str, Parameter] = {
     # The simulated joints are the plant: their limits are fixed.
     **{key: replace(parameter, runtime=False) for key, parameter in SHARED.items()},
-    'rate': Parameter(NUMBER, 'Joint states per second [Hz]', default=60.0, above=0.0),
+    'command.type': replace(
+        SHARED['command.type'],
+        description='Message that carries the command; what is published when left out',
+        default=None,
+    ),
+    'rate': Parameter(NUMBER, 'Joint states per second [Hz]', default=REQUIRED, above=0.0),
     'initial_positions': Parameter(
         NUMBERS, 'First position [rad, m] per joint; zero when left out'
     ),

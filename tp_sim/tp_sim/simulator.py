@@ -6,13 +6,14 @@ import time
 from typing import Any
 
 import numpy as np
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool
 
+from tp_controller.config.schema import COMMAND_TYPES
 from tp_controller.errors import InvalidValue, shown
 from tp_controller.ros.joint_states import JointStateReader
 from tp_controller.ros.parameters import describe_parameters, given_parameters
@@ -21,6 +22,11 @@ from tp_sim.lockstep import Lockstep
 from tp_sim.settings import SIMULATOR, build_simulator_settings
 
 QUEUE_DEPTH = 100
+MESSAGE_TYPES = dict(zip(COMMAND_TYPES, (JointState, Float64MultiArray), strict=True))
+TOPIC_TYPES = {
+    'joint_state': 'sensor_msgs/msg/JointState',
+    'float64_multi_array': 'std_msgs/msg/Float64MultiArray',
+}
 
 
 class SimulatorNode(Node):
@@ -41,24 +47,24 @@ class SimulatorNode(Node):
         self._msg = JointState(name=list(self._joints))
         self._msg.header.frame_id = settings.base_frame
 
-        self._stamped = values['command.type'] == 'joint_state'
-        self._publisher = self.create_publisher(JointState, 'joint_states', QUEUE_DEPTH)
-        self.create_subscription(
-            JointState if self._stamped else Float64MultiArray,
-            'joint_velocity_command',
-            self._on_command,
-            QUEUE_DEPTH,
-        )
-        self.create_service(Reset, '~/reset', self._on_reset)
-        # A group of its own: the other callbacks go on while a run is awaited.
-        self.create_service(
-            Step, '~/step', self._on_step, callback_group=MutuallyExclusiveCallbackGroup()
-        )
-        self.create_service(SetBool, '~/pause', self._on_pause)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._publisher = self.create_publisher(JointState, 'joint_states', QUEUE_DEPTH)
+        self._listen_for(values['command.type'] or COMMAND_TYPES[0])
+        if values['command.type'] is None:
+            self.create_timer(0.1, self._follow_command_type, clock=steady)
+        self.create_service(Reset, '~/reset', self._on_reset)
+        # The other callbacks, another step among them, go on while a run is awaited.
+        self.create_service(Step, '~/step', self._on_step, callback_group=ReentrantCallbackGroup())
+        self.create_service(SetBool, '~/pause', self._on_pause)
         self._lockstep: Lockstep | None = None
         if values['lockstep']:
-            self._lockstep = Lockstep(self, self._publish, self._move, values['paused'])
+            self._lockstep = Lockstep(
+                self,
+                self._publish,
+                self._publisher.get_subscription_count,
+                self._move,
+                values['paused'],
+            )
             self.create_timer(0.1, self._repeat, clock=steady)
         else:
             self.create_timer(self._dt, self._tick, clock=steady)
@@ -69,6 +75,25 @@ class SimulatorNode(Node):
 
     def stop(self) -> None:
         """Nothing moves once the node is gone."""
+
+    def _listen_for(self, command_type: str) -> None:
+        """Subscribe to commands of a type."""
+        self._stamped = command_type == 'joint_state'
+        self._subscription = self.create_subscription(
+            MESSAGE_TYPES[command_type], 'joint_velocity_command', self._on_command, QUEUE_DEPTH
+        )
+
+    def _follow_command_type(self) -> None:
+        """Change to the type of command that is published, if it is the other one."""
+        found = {
+            info.topic_type
+            for info in self.get_publishers_info_by_topic(self._subscription.topic_name)
+        }
+        for command_type, name in TOPIC_TYPES.items():
+            if found == {name} and (command_type == 'joint_state') != self._stamped:
+                self.get_logger().info(f'commands come as {name}')
+                self.destroy_subscription(self._subscription)
+                self._listen_for(command_type)
 
     def _publish(self, nanoseconds: int) -> None:
         stamp = self._msg.header.stamp
@@ -96,7 +121,8 @@ class SimulatorNode(Node):
         then only the arrival of a subscriber makes the state be repeated.
         """
         assert self._lockstep is not None
-        self._lockstep.repeat(self._publisher.get_subscription_count(), always=self._stamped)
+        if self._lockstep.repeat(always=self._stamped):
+            self.get_logger().warning('no command answers; is a controller running?')
 
     def _on_command(self, msg: Any) -> None:
         try:
@@ -132,7 +158,6 @@ class SimulatorNode(Node):
         if self._lockstep is not None:
             self._lockstep.jumped()
         response.success = True
-        response.message = f'at {shown(self._integrator.q)}'
         return response
 
     def _reset(self, names: list[str], positions: np.ndarray) -> None:

@@ -38,7 +38,10 @@ def build_settings(parameters: Mapping[str, Any]) -> Settings:
     """
     flat = flatten(parameters)
     values = read_all(flat, controller_schema(flat))
-    return Settings(values, build_stack(build_robot(values), values))
+    stack = build_stack(build_robot(values), values)
+    for name, task in stack.tasks.items():
+        values[f'tasks.{name}.feedforward'] = tuple(task.feedforward)
+    return Settings(values, stack)
 
 
 def build_robot(values: Flat) -> Robot:

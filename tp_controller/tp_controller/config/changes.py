@@ -7,8 +7,8 @@ from functools import partial
 from typing import Any
 
 from tp_controller.config.build import Settings, build_limits
-from tp_controller.errors import InvalidValue, listed, shown
-from tp_controller.parameters import Parameter
+from tp_controller.errors import InvalidValue, shown
+from tp_controller.parameters import Parameter, alternatives
 
 
 def check_changes(
@@ -66,9 +66,9 @@ def check_changes(
 
 def _read(key: str, value: Any, schema: Mapping[str, Parameter]) -> Any:
     if key not in schema or not schema[key].runtime:
-        accepts = [name for name, parameter in schema.items() if parameter.runtime]
+        changeable = {name: p for name, p in schema.items() if p.runtime}
         what = 'a change while running' if key in schema else 'an unknown parameter'
-        raise InvalidValue(key, what, f'changes of {listed(accepts)}')
+        raise InvalidValue(key, what, f'changes of {alternatives(key, changeable)}')
     if value is None:
         raise InvalidValue(key, shown(value), schema[key].accepts)
     return schema[key].read(key, value)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from tp_controller.config import read_blocks
-from tp_controller.errors import InvalidValue
+from tp_controller.errors import InvalidValue, listed
 
 
 def check_parameter_files(argv: Sequence[str]) -> None:
@@ -32,6 +32,30 @@ def check_parameter_files(argv: Sequence[str]) -> None:
             raise error if error.key.startswith(path) else error.within(path) from None
 
 
+def check_parameter_rules(argv: Sequence[str]) -> None:
+    """Check the parameters that a command line sets with ``-p name:=value``.
+
+    Raises
+    ------
+    InvalidValue
+        For an empty list, which rclpy answers with a traceback.
+    """
+    for flag, rule in pairwise(argv):
+        if flag in ('-p', '--param'):
+            key, _, value = rule.partition(':=')
+            if ''.join(value.split()) == '[]':
+                accepts = 'at least one value (or leave the key out)'
+                raise InvalidValue(key.rpartition(':')[2], 'an empty list', accepts)
+
+
+def missing_value_hint(argv: Sequence[str]) -> str:
+    """What may have kept a value from arriving, for the end of a message."""
+    if '--ros-args' not in argv or not parameter_files(argv):
+        return ' (start with --ros-args --params-file FILE)'
+    blocks = [name for path in parameter_files(argv) for name in read_blocks(path)]
+    return f' (blocks in the parameter file: {listed(blocks)})'
+
+
 def parameter_files(argv: Sequence[str]) -> list[str]:
     """Paths of the parameter files that a command line names."""
     return [value for flag, value in pairwise(argv) if flag == '--params-file']
@@ -39,4 +63,5 @@ def parameter_files(argv: Sequence[str]) -> list[str]:
 
 def one_line(error: Exception) -> str:
     """First sentence of an exception of ``rclpy.init``, which may run over many lines."""
-    return ' '.join(str(error).partition(', at ')[0].split())
+    text = ' '.join(str(error).partition(', at ')[0].split())
+    return f'unknown ROS arguments {text}' if text.startswith('[') else text

@@ -62,6 +62,7 @@ class ControllerNode(Node):
             values['timeouts.feedforward'], self._configured_feedforward
         )
         self._state = StateMessage(self._stack)
+        self._warned: dict[str, tuple[str, float]] = {}
         self._last_seen = 0.0
         self._last_heartbeat = 0.0
 
@@ -112,9 +113,13 @@ class ControllerNode(Node):
             if self._feedforwards:
                 self._feedforwards.expire(msg.header.stamp)
             step = self._stack.step(self._q)
-        except (InvalidValue, UnusableState) as error:
+        except InvalidValue as error:
             state.ignored_states += 1
-            self._warn(f'joint state ignored: {error}')
+            self._warn('joint states', f'joint state ignored: {error}')
+            return
+        except UnusableState as error:
+            state.ignored_states += 1
+            self._warn('commands', f'no command: {error}')
             return
         self._velocity[:] = step.command
         if self._stamped:
@@ -127,7 +132,8 @@ class ControllerNode(Node):
         state.scale = step.scale
         state.solve_time = time.perf_counter() - start
         if state.status != ControllerState.RUNNING:
-            self._change_status(ControllerState.RUNNING, 'running')
+            state.status = ControllerState.RUNNING
+            self.get_logger().info('running')
             self._goals.robot_seen = True
         if self._state_publisher.get_subscription_count():
             self._state.refresh(step.command)
@@ -142,9 +148,8 @@ class ControllerNode(Node):
                 return
             self._publish_zero()
             self._state.refresh(self._velocity)
-            self._change_status(
-                ControllerState.STALE, f'no joint state for {self._stale_after:g} s: zero command'
-            )
+            state.status = ControllerState.STALE
+            self.get_logger().warning(f'no joint state for {self._stale_after:g} s: zero command')
         elif now - self._last_heartbeat < HEARTBEAT:
             return
         self._last_heartbeat = now
@@ -154,15 +159,12 @@ class ControllerNode(Node):
         if self._goals.robot_seen and self._marker_publisher.get_subscription_count():
             self._marker_publisher.publish(self._markers.array(self.get_clock().now().to_msg()))
 
-    def _change_status(self, status: int, message: str) -> None:
-        self._state.msg.status = status
-        self.get_logger().info(message)
-
     def _make_command_publisher(self, command_type: str) -> None:
         n = self._stack.robot.n
         self._stamped = command_type == 'joint_state'
         if self._stamped:
             self._command: Any = JointState(name=list(self._stack.robot.joints))
+            self._command.header.frame_id = self._stack.robot.base_frame
             self._velocity = field_view(self._command, 'velocity', n)
         else:
             self._command = Float64MultiArray()
@@ -202,17 +204,23 @@ class ControllerNode(Node):
         self._state_publisher.publish(self._state.msg)
 
     def _configured_feedforward(self, task: Task) -> np.ndarray:
-        values = self._settings.values[f'tasks.{task.name}.feedforward']
-        return np.zeros(task.k) if values is None else np.array(values)
+        return np.array(self._settings.values[f'tasks.{task.name}.feedforward'])
 
     def _reject(self, task: Task, what: str, error: InvalidValue) -> None:
         self._state.msg.rejected_goals += 1
-        self._state.task(task.name).rejected_goals += 1
-        self._warn(f'{task.name}: {what} rejected: {error}')
+        entry = self._state.task(task.name)
+        entry.rejected_goals += 1
+        entry.message = f'{what} rejected: {error}'
+        self._warn(f'{task.name} {what}', f'{task.name}: {entry.message}')
 
-    def _warn(self, message: str) -> None:
+    def _warn(self, subject: str, message: str) -> None:
+        """Log a warning, the same about the same subject at most once a second."""
         self._state.msg.message = message
-        self.get_logger().warning(message, throttle_duration_sec=1.0)
+        now = time.monotonic()
+        text, when = self._warned.get(subject, ('', 0.0))
+        if text != message or now - when >= 1.0:
+            self._warned[subject] = (message, now)
+            self.get_logger().warning(message)
 
     # Parameters
 

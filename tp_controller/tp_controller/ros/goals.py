@@ -65,6 +65,7 @@ class GoalReader:
             quaternion, or joints that are not the task's.
         """
         if isinstance(task, JointTask):
+            self._check_frame(msg.header.frame_id)
             whole = set(msg.name) == set(task.components)
             if task.target is None and not whole:
                 raise InvalidValue(
@@ -109,19 +110,20 @@ class GoalReader:
         robot = self._robot
         if frame_id in ('', robot.base_frame):
             return None
-        if frame_id not in robot.frames:
-            raise InvalidValue(
-                'header.frame_id',
-                shown(frame_id),
-                f'nothing, {listed((robot.base_frame, *robot.frames))}',
-            )
+        self._check_frame(frame_id)
         if not self.robot_seen:
             raise InvalidValue(
                 'header.frame_id',
                 f'{shown(frame_id)} before the first joint state',
-                f'nothing or {robot.base_frame} until then',
+                f"'' or {robot.base_frame} until then",
             )
         return robot.frame(frame_id)
+
+    def _check_frame(self, frame_id: str) -> None:
+        known = ('', self._robot.base_frame, *self._robot.frames)
+        if frame_id not in known:
+            accepts = listed(name or "''" for name in known)
+            raise InvalidValue('header.frame_id', shown(frame_id), accepts)
 
 
 def _finite(key: str, values: Sequence[float]) -> Vector:

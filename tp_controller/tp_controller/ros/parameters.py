@@ -37,10 +37,11 @@ def describe_parameters(
             read_only=not parameter.runtime,
             dynamic_typing=True,
         )
+        value = values[key]
         if node.has_parameter(key):
             node.set_descriptor(key, descriptor)
-        else:
-            value = values[key]
+        elif value is not None:
+            # One without a value is declared when it gets one; a dump could not be read else.
             node.declare_parameter(
                 key, list(value) if isinstance(value, tuple) else value, descriptor
             )

@@ -50,27 +50,27 @@ def run_node(name: str, module: str, node_class: str) -> int:
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.signals import SignalHandlerOptions
 
-    from tp_controller.errors import InvalidValue
-    from tp_controller.ros.arguments import check_parameter_files, one_line, parameter_files
+    from tp_controller.errors import NO_VALUE, InvalidValue
+    from tp_controller.ros import arguments
 
     make_node = getattr(importlib.import_module(module), node_class)
     stop = _Stop()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, stop.request)
     try:
-        check_parameter_files(sys.argv)
+        arguments.check_parameter_files(sys.argv)
+        arguments.check_parameter_rules(sys.argv)
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = make_node()
     except InvalidValue as error:
         rclpy.try_shutdown()
-        given = parameter_files(sys.argv)
-        hint = '' if given else ' (start with --ros-args --params-file FILE)'
+        hint = arguments.missing_value_hint(sys.argv) if error.got == NO_VALUE else ''
         return _refuse(name, f'{error}{hint}')
     except RuntimeError as error:
         if rclpy.ok():
             raise
         # rcl could not read the arguments; its exceptions have no other root.
-        return _refuse(name, one_line(error))
+        return _refuse(name, arguments.one_line(error))
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     while not stop.requested:

@@ -6,12 +6,15 @@ import argparse
 import sys
 import time
 from collections.abc import Callable
+from decimal import Decimal, InvalidOperation
 
 import rclpy
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
-from tp_controller.errors import InvalidValue, listed
+from tp_controller.errors import InvalidValue, TaskPriorityError, listed
+from tp_controller.ros.arguments import one_line
 from tp_controller.ros.goals import GOAL_TYPES, goal_message
 from tp_interfaces.msg import ControllerState, TaskState
 
@@ -27,12 +30,16 @@ def main() -> int:
     int
         Exit status: 0 accepted, 2 refused, 3 no answer from the controller.
     """
-    arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
-    rclpy.init()
+    words = [_plain(word) for word in remove_ros_args(sys.argv)[1:]]
+    arguments = _parser().parse_args(words)
+    try:
+        rclpy.init()
+    except RuntimeError as error:
+        return _fail(one_line(error), REFUSED)
     node = rclpy.create_node('send_goal')
     try:
         print(_GoalSender(node, arguments.controller, arguments.timeout).send(arguments))
-    except InvalidValue as error:
+    except (InvalidValue, InvalidTopicNameException, GoalRefused) as error:
         return _fail(str(error), REFUSED)
     except TimeoutError as error:
         return _fail(str(error), UNANSWERED)
@@ -44,11 +51,30 @@ def main() -> int:
     return 0
 
 
+class GoalRefused(TaskPriorityError):
+    """The controller's reason for not taking a goal."""
+
+
+def _plain(word: str) -> str:
+    """Word of the command line, a number such as -1e-1 without its exponent.
+
+    argparse takes it for an option else.
+    """
+    try:
+        number = Decimal(word)
+    except InvalidOperation:
+        return word
+    return format(number, 'f') if number.is_finite() else word
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog='send_goal',
         description='Send a goal to a task of a running controller.',
-        epilog='examples: send_goal ee_position 1.0 0.5    send_goal ee_orientation 1.57',
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog='examples:\n'
+        '  ros2 run tp_controller send_goal ee_position 1.0 0.5\n'
+        '  ros2 run tp_controller send_goal ee_orientation 1.57',
     )
     parser.add_argument('task', help='name of the task')
     parser.add_argument(
@@ -102,7 +128,10 @@ class _GoalSender:
         publisher = self._node.create_publisher(
             GOAL_TYPES[before.type], f'{self._controller}/{arguments.task}/goal', 10
         )
-        self._wait(lambda: publisher.get_subscription_count() > 0, f'{topic} takes no goals')
+        self._wait(
+            lambda: publisher.get_subscription_count() > 0,
+            f'nobody takes goals on {publisher.topic_name}',
+        )
         publisher.publish(msg)
 
         def answered() -> bool:
@@ -115,8 +144,7 @@ class _GoalSender:
         self._wait(answered, 'the controller did not answer')
         after = self._task(arguments.task)
         if after.rejected_goals > before.rejected_goals:
-            assert self._state is not None
-            raise InvalidValue(arguments.task, self._state.message, 'see there')
+            raise GoalRefused(f'{arguments.task}: {after.message}')
         desired = ' '.join(f'{value:.4g}' for value in after.desired)
         note = '' if after.enabled else ' (idle: the task is not in the hierarchy)'
         return f'{arguments.task}: accepted, desired {desired}{note}'

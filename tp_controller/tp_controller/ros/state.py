@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from array import array
 from typing import Any
 
@@ -15,12 +16,12 @@ from tp_interfaces.msg import ControllerState, TaskState
 Vector = NDArray[np.float64]
 
 
-def field_view(msg: Any, field: str, size: int) -> Vector:
+def field_view(msg: Any, field: str, size: int, value: float = 0.0) -> Vector:
     """Make a float64[] field of a message ``size`` long; return a view that writes into it.
 
     The view is taken from the message itself, whose constructor and setters copy.
     """
-    setattr(msg, field, array('d', bytes(8 * size)))
+    setattr(msg, field, array('d', [value] * size))
     return np.frombuffer(getattr(msg, field)) if size else np.zeros(0)
 
 
@@ -45,7 +46,7 @@ class StateMessage:
         self.msg.header.frame_id = robot.base_frame
         self.msg.scale = 1.0
         self.msg.joint_names = list(robot.joints)
-        self._position = field_view(self.msg, 'position', robot.n)
+        self._position = field_view(self.msg, 'position', robot.n, math.nan)
         self._command = field_view(self.msg, 'command', robot.n)
         self._tasks = {name: _TaskMessage(task) for name, task in stack.tasks.items()}
         self.msg.tasks = [entry.msg for entry in self._tasks.values()]
@@ -89,11 +90,12 @@ class _TaskMessage:
             frame=task.frame_name,
             components=list(task.components),
         )
-        self._desired = field_view(self.msg, 'desired', task.target_size)
-        self._current = field_view(self.msg, 'current', task.target_size)
-        self._error = field_view(self.msg, 'error', task.k)
+        self._desired = field_view(self.msg, 'desired', task.target_size, math.nan)
+        self._current = field_view(self.msg, 'current', task.target_size, math.nan)
+        self._error = field_view(self.msg, 'error', task.k, math.nan)
         self._requested = field_view(self.msg, 'requested_velocity', task.k)
         self._achieved = field_view(self.msg, 'achieved_velocity', task.k)
+        self.msg.error_norm = math.nan
         self.refresh_target()
 
     def set_level(self, level: int, velocities: tuple[Vector, Vector] | None) -> None:

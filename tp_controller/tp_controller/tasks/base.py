@@ -31,7 +31,7 @@ COMMON: Mapping[str, Parameter] = {
     ),
     'target': Parameter(
         NUMBERS,
-        'First desired value; the value at the first joint state when left out',
+        'Desired value at start, that at the first joint state when left out; goals replace it',
         runtime=True,
     ),
 }

@@ -55,8 +55,9 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(config: Path, out: Path, console: Console) -> int:
     # What the controller would refuse is refused before any process starts.
-    robot = build_settings(read_parameter_file(config, 'tp_controller')).stack.robot
+    stack = build_settings(read_parameter_file(config, 'tp_controller')).stack
     script = read_script(config)
+    script.check(stack)
     out.mkdir(parents=True, exist_ok=True)
     console.print(f'Starting simulator and controller with {config}')
     legs: list[Leg] = []
@@ -72,6 +73,6 @@ def _run(config: Path, out: Path, console: Console) -> int:
         tasks = loop.state.tasks
     console.print(outcome_table(legs, script.tolerance))
     draw_errors(record, tasks, legs, out / 'errors.png')
-    draw_arm(robot, record, tasks, legs, out / 'arm.png')
+    draw_arm(stack.robot, record, tasks, legs, out / 'arm.png')
     console.print(f'Plots: {out / "errors.png"}, {out / "arm.png"}')
     return 0 if all(leg.reached(script.tolerance) for leg in legs) else 1

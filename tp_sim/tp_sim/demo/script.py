@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tp_controller.errors import InvalidValue, shown
+from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.parameters import NUMBER, REQUIRED, TEXTS, Parameter, flatten, read_all
+from tp_controller.stack import Stack
 from tp_sim.harness import ClosedLoop, read_document
 
 DEMO: Mapping[str, Parameter] = {
@@ -39,6 +40,24 @@ class Script(NamedTuple):
     """Time [s] for each group."""
     tolerance: float
     """Largest error norm [m, rad] of a goal that counts as reached."""
+
+    def check(self, stack: Stack) -> None:
+        """Check that the goals are for tasks of a stack.
+
+        Raises
+        ------
+        InvalidValue
+            For a task that there is not, or values that it does not take.
+        """
+        for name, values in (goal for goals in self.goals for goal in goals):
+            if name not in stack.tasks:
+                raise InvalidValue(
+                    'tp_demo.goals', f'the task {shown(name)}', f'one of {listed(stack.tasks)}'
+                )
+            try:
+                stack.tasks[name].check_target(values)
+            except InvalidValue as error:
+                raise error.under(f'tp_demo.goals: {name}') from None
 
 
 def read_script(path: Path) -> Script:

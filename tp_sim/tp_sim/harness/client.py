@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -48,18 +47,11 @@ class Client:
     ) -> None:
         self._alive = alive
         self._context = Context()
-        saved = os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE')
-        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-        try:
+        with domain.entered():
             rclpy.init(args=[], context=self._context, domain_id=domain.number)
-        finally:
-            if saved is None:
-                del os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE']
-            else:
-                os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = saved
-        self.node: Node = rclpy.create_node(
-            'harness', context=self._context, namespace=namespace, use_global_arguments=False
-        )
+            self.node: Node = rclpy.create_node(
+                'harness', context=self._context, namespace=namespace, use_global_arguments=False
+            )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._publishers: dict[str, Publisher] = {}

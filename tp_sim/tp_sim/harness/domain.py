@@ -6,11 +6,14 @@ import fcntl
 import os
 import random
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
 from tp_sim.harness.errors import HarnessError
 
+DISCOVERY_PROFILE = Path(__file__).with_name('discovery.xml')
 DOMAINS = range(1, 102)
 """Domain numbers whose ports stay clear of the ephemeral ones on Linux."""
 
@@ -35,13 +38,35 @@ class PrivateDomain:
                 return
         raise HarnessError(f'all ROS domains from {DOMAINS[0]} to {DOMAINS[-1]} are in use')
 
-    def environment(self) -> dict[str, str]:
-        """Environment of this process, moved to the domain and to this machine alone."""
+    @property
+    def variables(self) -> dict[str, str]:
+        """What moves a process to the domain, to this machine alone, and to quick discovery.
+
+        Fast DDS by default repeats an announcement that was missed after seconds only.
+        """
         return {
-            **os.environ,
             'ROS_DOMAIN_ID': str(self.number),
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            'FASTRTPS_DEFAULT_PROFILES_FILE': str(DISCOVERY_PROFILE),
         }
+
+    def environment(self) -> dict[str, str]:
+        """Environment of this process with the domain's `variables`."""
+        return {**os.environ, **self.variables}
+
+    @contextmanager
+    def entered(self) -> Iterator[None]:
+        """Let participants that this process makes within be on the domain."""
+        saved = {name: os.environ.get(name) for name in self.variables}
+        os.environ.update(self.variables)
+        try:
+            yield
+        finally:
+            for name, value in saved.items():
+                if value is None:
+                    del os.environ[name]
+                else:
+                    os.environ[name] = value
 
     def close(self) -> None:
         """Give the domain back."""
