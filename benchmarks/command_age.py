@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from rclpy.clock import Clock, ClockType
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from sensor_msgs.msg import JointState
 
@@ -109,7 +110,9 @@ def run(seconds: float) -> bool:
 
 
 def _print(drivers: dict[str, Driver], seconds: float) -> None:
-    table = Table(title=f'Age of the command [ms], joint states at 1 kHz for {seconds:g} s')
+    table = Table(
+        title=escape(f'Age of the command [ms], joint states at 1 kHz for {seconds:g} s')
+    )
     for column in ('node', 'states', 'lost', 'median', '99 %', 'largest'):
         table.add_column(column, justify='left' if column == 'node' else 'right')
     for name, driver in drivers.items():

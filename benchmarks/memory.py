@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from std_srvs.srv import SetBool
 
@@ -28,7 +29,7 @@ def run(cycles: int) -> bool:
                 process.resident_memory / MEGABYTE for process in (loop.controller, loop.simulator)
             ]
             rows.append((loop.state.cycles, *memory))
-    table = Table(title=f'Resident memory [MB] over {cycles} cycles in lockstep')
+    table = Table(title=escape(f'Resident memory [MB] over {cycles} cycles in lockstep'))
     for column in ('cycles', 'controller', 'simulator'):
         table.add_column(column, justify='right')
     for count, *memory in rows:
