@@ -113,6 +113,7 @@ class ControllerNode(Node):
             if self._feedforwards:
                 self._feedforwards.expire(msg.header.stamp)
             step = self._stack.step(self._q)
+            state.solve_time = time.perf_counter() - start
         except InvalidValue as error:
             state.ignored_states += 1
             self._warn('joint states', f'joint state ignored: {error}')
@@ -130,7 +131,6 @@ class ControllerNode(Node):
         state.cycles += 1
         state.header.stamp = msg.header.stamp
         state.scale = step.scale
-        state.solve_time = time.perf_counter() - start
         if state.status != ControllerState.RUNNING:
             state.status = ControllerState.RUNNING
             self.get_logger().info('running')
