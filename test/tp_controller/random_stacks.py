@@ -62,6 +62,8 @@ def arms(draw, min_joints=1, max_joints=9):
     }
     if draw(st.booleans()):
         dh['base_pose'] = draw(vectors(6, 3))
+    if draw(st.booleans()):
+        dh['convention'] = 'modified'
     return {'joints': [f'joint_{i + 1}' for i in range(n)], 'dh': dh}
 
 

@@ -6,7 +6,8 @@ import numpy as np
 
 
 def dh_poses(dh, q):
-    """Poses (4, 4) of every link by the textbook's matrix of standard DH parameters."""
+    """Poses (4, 4) of every link by the textbooks' matrices of DH parameters."""
+    modified = dh.get('convention') == 'modified'
     pose = np.eye(4)
     x, y, z, roll, pitch, yaw = dh.get('base_pose', [0.0] * 6)
     pose[:3, :3] = about('z', yaw) @ about('y', pitch) @ about('x', roll)
@@ -17,6 +18,16 @@ def dh_poses(dh, q):
         angle, length = (theta + position, d) if kind == 'revolute' else (theta, d + position)
         ct, st = math.cos(angle), math.sin(angle)
         ca, sa = math.cos(alpha), math.sin(alpha)
+        if modified:
+            matrix = [
+                [ct, -st, 0.0, a],
+                [st * ca, ct * ca, -sa, -sa * length],
+                [st * sa, ct * sa, ca, ca * length],
+                [0.0, 0.0, 0.0, 1.0],
+            ]
+            pose = pose @ np.array(matrix)
+            poses.append(pose)
+            continue
         pose = pose @ np.array(
             [
                 [ct, -st * ca, st * sa, a * ct],

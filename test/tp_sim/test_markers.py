@@ -19,7 +19,10 @@ def test_markers_show_the_arm_the_path_and_the_target(config):
     markers = {(marker.ns, marker.id): marker for marker in arrays[-1].markers}
     assert all(marker.header.frame_id == 'base' for marker in markers.values())
     arm = coordinates(markers['robot', 0].points)
-    assert np.linalg.norm(np.diff(arm, axis=0), axis=1) == pytest.approx([0.75, 0.5, 0.5])
+    segments = arm.reshape(-1, 2, 3)
+    lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
+    assert lengths == pytest.approx([0.75, 0.5, 0.5])
+    assert np.array_equal(segments[1:, 0], segments[:-1, 1])
     assert arm[0] == pytest.approx([0.0, 0.0, 0.0])
     path = coordinates(markers['path', 0].points)
     assert path[-1] == pytest.approx(arm[-1])

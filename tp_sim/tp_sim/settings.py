@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from tp_controller.config import SHARED, build_robot
+from tp_controller.config import SHARED, build_robot, shared_schema
 from tp_controller.errors import InvalidValue
 from tp_controller.parameters import (
     BOOLEAN,
@@ -21,8 +21,6 @@ from tp_controller.parameters import (
 from tp_sim.integrator import Integrator
 
 SIMULATOR: Mapping[str, Parameter] = {
-    # The simulated joints are the plant: their limits are fixed.
-    **{key: replace(parameter, runtime=False) for key, parameter in SHARED.items()},
     'command.type': replace(
         SHARED['command.type'],
         description='Message that carries the command; what is published when left out',
@@ -44,7 +42,19 @@ SIMULATOR: Mapping[str, Parameter] = {
         BOOLEAN, 'Start lockstep at a halt; ~/step and ~/pause go on from there', default=False
     ),
 }
-"""Parameters of the simulator node."""
+"""Parameters of the simulator node beside the shared ones."""
+
+
+def simulator_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
+    """Parameters of the simulator; the simulated joints are the plant, their limits are fixed.
+
+    Raises
+    ------
+    InvalidValue
+        As `shared_schema`.
+    """
+    shared = {key: replace(p, runtime=False) for key, p in shared_schema(flat).items()}
+    return {**shared, **SIMULATOR}
 
 
 class SimulatorSettings(NamedTuple):
@@ -73,10 +83,12 @@ def build_simulator_settings(parameters: Mapping[str, Any]) -> SimulatorSettings
     InvalidValue
         For anything that cannot be used, naming the full key.
     """
-    values = read_all(flatten(parameters), SIMULATOR)
+    flat = flatten(parameters)
+    values = read_all(flat, simulator_schema(flat))
     if values['paused'] and not values['lockstep']:
         raise InvalidValue('paused', 'true without lockstep', 'true only with lockstep: true')
     robot = build_robot(values)
+    values['robot.joints'], values['robot.base_frame'] = robot.joints, robot.base_frame
     q = values['initial_positions']
     integrator = Integrator([0.0] * robot.n if q is None else q, robot.limits)
     return SimulatorSettings(values, robot.joints, robot.base_frame, integrator)

@@ -19,7 +19,7 @@ from tp_controller.ros.joint_states import JointStateReader
 from tp_controller.ros.parameters import describe_parameters, given_parameters
 from tp_interfaces.srv import Reset, Step
 from tp_sim.lockstep import Lockstep
-from tp_sim.settings import SIMULATOR, build_simulator_settings
+from tp_sim.settings import build_simulator_settings, simulator_schema
 
 QUEUE_DEPTH = 100
 MESSAGE_TYPES = dict(zip(COMMAND_TYPES, (JointState, Float64MultiArray), strict=True))
@@ -36,7 +36,7 @@ class SimulatorNode(Node):
         super().__init__('tp_sim', automatically_declare_parameters_from_overrides=True)
         settings = build_simulator_settings(given_parameters(self))
         values = settings.values
-        describe_parameters(self, SIMULATOR, values)
+        describe_parameters(self, simulator_schema(values), values)
         self._joints = settings.joints
         self._integrator = settings.integrator
         self._dt = 1.0 / values['rate']

@@ -3,7 +3,7 @@
 from tp_controller.config.build import Settings, build_robot, build_settings, build_stack
 from tp_controller.config.changes import check_changes
 from tp_controller.config.files import read_blocks, read_parameter_file
-from tp_controller.config.schema import SHARED, controller_schema
+from tp_controller.config.schema import SHARED, controller_schema, shared_schema
 
 __all__ = [
     'SHARED',
@@ -15,4 +15,5 @@ __all__ = [
     'controller_schema',
     'read_blocks',
     'read_parameter_file',
+    'shared_schema',
 ]

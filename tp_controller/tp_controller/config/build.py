@@ -5,10 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from tp_controller.config.schema import controller_schema, task_names
+from tp_controller.config.schema import REST, controller_schema, task_names
 from tp_controller.errors import InvalidValue
 from tp_controller.parameters import Flat, flatten, read_all
-from tp_controller.robot import DHParameters, Limits, Robot, dh_robot
+from tp_controller.robot import (
+    DHParameters,
+    Limits,
+    Robot,
+    dh_robot,
+    read_description,
+    urdf_robot,
+)
 from tp_controller.solvers import SOLVER_TYPES
 from tp_controller.stack import Stack
 from tp_controller.tasks import TASK_TYPES, Task
@@ -38,7 +45,9 @@ def build_settings(parameters: Mapping[str, Any]) -> Settings:
     """
     flat = flatten(parameters)
     values = read_all(flat, controller_schema(flat))
-    stack = build_stack(build_robot(values), values)
+    robot = build_robot(values)
+    values['robot.joints'], values['robot.base_frame'] = robot.joints, robot.base_frame
+    stack = build_stack(robot, values)
     for name, task in stack.tasks.items():
         values[f'tasks.{name}.feedforward'] = tuple(task.feedforward)
     return Settings(values, stack)
@@ -47,13 +56,17 @@ def build_settings(parameters: Mapping[str, Any]) -> Settings:
 def build_robot(values: Flat) -> Robot:
     """Build the robot of checked ``robot.…`` values."""
     joints = values['robot.joints']
+    if values['robot.urdf'] is not None:
+        return urdf_robot(
+            read_description(values['robot.urdf']),
+            joints,
+            values['robot.base_frame'],
+            {key: values[f'robot.limits.{key}'] for key in Limits.KEYS},
+            {key.removeprefix(REST): values[key] for key in values if key.startswith(REST)},
+        )
     dh = DHParameters(*(values[f'robot.dh.{key}'] for key in DHParameters._fields))
-    return dh_robot(joints, dh, values['robot.base_frame'], build_limits(len(joints), values))
-
-
-def build_limits(n: int, values: Flat) -> Limits:
-    """Build the limits of n joints from checked ``robot.limits.…`` values."""
-    return Limits(n, **{key: values[f'robot.limits.{key}'] for key in Limits.KEYS})
+    limits = Limits(len(joints), **{key: values[f'robot.limits.{key}'] for key in Limits.KEYS})
+    return dh_robot(joints, dh, values['robot.base_frame'], limits)
 
 
 def build_stack(robot: Robot, values: Flat) -> Stack:

@@ -6,9 +6,11 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from tp_controller.config.build import Settings, build_limits
+from tp_controller.config.build import Settings
 from tp_controller.errors import InvalidValue, shown
 from tp_controller.parameters import Parameter, alternatives
+
+LIMITS = 'robot.limits.'
 
 
 def check_changes(
@@ -39,8 +41,11 @@ def check_changes(
     checked = {key: _read(key, value, schema) for key, value in changes.items()}
     stack = settings.stack
     steps: list[Callable[[], None]] = [partial(settings.values.update, checked)]
-    if any(key.startswith('robot.limits.') for key in checked):
-        limits = build_limits(stack.robot.n, settings.values | checked)
+    given = {
+        key.removeprefix(LIMITS): value for key, value in checked.items() if key.startswith(LIMITS)
+    }
+    if given:
+        limits = stack.robot.limits.replaced(**given)
         steps.append(partial(setattr, stack.robot, 'limits', limits))
     for key, value in checked.items():
         if key == 'hierarchy':

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from tp_controller.errors import InvalidValue, shown
@@ -15,7 +16,7 @@ from tp_controller.parameters import (
     TEXTS,
     Parameter,
 )
-from tp_controller.robot.dh import JOINT_TYPES
+from tp_controller.robot.dh import CONVENTIONS, JOINT_TYPES
 from tp_controller.solvers import SOLVER_TYPES
 from tp_controller.tasks import COMMON, TASK_TYPES
 
@@ -23,7 +24,12 @@ COMMAND_TYPES = ('joint_state', 'float64_multi_array')
 
 SHARED: Mapping[str, Parameter] = {
     'robot.joints': Parameter(
-        TEXTS, 'Names of the controlled joints, from the base outwards', default=REQUIRED
+        TEXTS,
+        'Names of the controlled joints; required with dh, all movable ones with a URDF',
+        default=REQUIRED,
+    ),
+    'robot.urdf': Parameter(
+        TEXT, 'Description in place of dh: a path, or package://<package>/<path>'
     ),
     'robot.dh.theta': Parameter(
         NUMBERS, 'DH angle [rad] per joint; the offset of a revolute one', default=REQUIRED
@@ -41,7 +47,12 @@ SHARED: Mapping[str, Parameter] = {
         'DH frame 0 in the base frame: x y z [m], roll pitch yaw [rad]',
         default=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     ),
-    'robot.base_frame': Parameter(TEXT, 'Name of the base frame', default='base'),
+    'robot.dh.convention': Parameter(
+        TEXT, 'Order of the four parameters', default='standard', choices=CONVENTIONS
+    ),
+    'robot.base_frame': Parameter(
+        TEXT, 'Frame of positions and velocities; base with dh, the root link with a URDF'
+    ),
     'robot.limits.velocity': Parameter(
         NUMBERS, 'Largest speed [rad/s, m/s], one value or one per joint', above=0.0, runtime=True
     ),
@@ -100,6 +111,31 @@ CONTROLLER: Mapping[str, Parameter] = {
 """Parameters of the controller, those of its tasks excepted."""
 
 
+REST = 'robot.rest_positions.'
+"""Beginning of the keys that hold joints of a URDF which are not controlled."""
+
+
+def shared_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
+    """Parameters that both nodes read, for a robot by dh or by a URDF.
+
+    Raises
+    ------
+    InvalidValue
+        If both are given.
+    """
+    schema = dict(SHARED)
+    if flat.get('robot.urdf') is None:
+        return schema
+    for key in SHARED:
+        if key.startswith('robot.dh.'):
+            if flat.get(key) is not None:
+                raise InvalidValue(key, 'a value beside robot.urdf', 'one of the two')
+            del schema[key]
+    schema['robot.joints'] = replace(schema['robot.joints'], default=None)
+    held = Parameter(NUMBER, 'Position [rad, m] of a joint that is not controlled')
+    return schema | {key: held for key in flat if key.startswith(REST)}
+
+
 def task_names(flat: Mapping[str, Any]) -> list[str]:
     """Names of the tasks that have a ``tasks.<name>.…`` key, in their first order."""
     return list(dict.fromkeys(key.split('.')[1] for key in flat if key.startswith('tasks.')))
@@ -118,7 +154,8 @@ def controller_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
     InvalidValue
         For a task name that cannot stand in a topic name, or a task without a known type.
     """
-    schema = dict(CONTROLLER)
+    own = {key: p for key, p in CONTROLLER.items() if key not in SHARED}
+    schema = shared_schema(flat) | own
     for name in task_names(flat):
         if not NAME.fullmatch(name):
             raise InvalidValue(

@@ -2,6 +2,16 @@
 
 from tp_controller.robot.dh import DHParameters, dh_robot
 from tp_controller.robot.limits import Limits
-from tp_controller.robot.model import Frame, Robot
+from tp_controller.robot.model import Coupling, Frame, Robot
+from tp_controller.robot.urdf import read_description, urdf_robot
 
-__all__ = ['DHParameters', 'Frame', 'Limits', 'Robot', 'dh_robot']
+__all__ = [
+    'Coupling',
+    'DHParameters',
+    'Frame',
+    'Limits',
+    'Robot',
+    'dh_robot',
+    'read_description',
+    'urdf_robot',
+]

@@ -1,8 +1,10 @@
-"""Arms from standard Denavit-Hartenberg parameters.
+"""Arms from Denavit-Hartenberg parameters.
 
-Frame ``i`` follows from frame ``i - 1`` by ``Rz(theta) Tz(d) Tx(a) Rx(alpha)``; a revolute
-joint adds its position to ``theta``, a prismatic one to ``d`` (Siciliano et al., Robotics:
-Modelling, Planning and Control, 2009, section 2.8.2).
+Frame ``i`` follows from frame ``i - 1`` by ``Rz(theta) Tz(d) Tx(a) Rx(alpha)`` in the standard
+convention (Siciliano et al., Robotics: Modelling, Planning and Control, 2009, section 2.8.2)
+and by ``Rx(alpha) Tx(a) Rz(theta) Tz(d)`` in the modified one (Craig, Introduction to
+Robotics, 2005, section 3.5). A revolute joint adds its position to ``theta``, a prismatic one
+to ``d``.
 """
 
 from __future__ import annotations
@@ -12,16 +14,20 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.robot.limits import Limits
 from tp_controller.robot.model import Robot
 
+Vector = NDArray[np.float64]
+
+CONVENTIONS = ('standard', 'modified')
 JOINT_TYPES = ('revolute', 'prismatic')
 
 
 class DHParameters(NamedTuple):
-    """Standard Denavit-Hartenberg parameters of n joints."""
+    """Denavit-Hartenberg parameters of n joints."""
 
     theta: Sequence[float]
     """Angle about the previous z axis (n,) [rad]; the offset of a revolute joint."""
@@ -35,12 +41,15 @@ class DHParameters(NamedTuple):
     """``revolute`` or ``prismatic`` (n,)."""
     base_pose: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     """Frame 0 in the base frame: x, y, z [m], roll, pitch, yaw [rad]."""
+    convention: str = 'standard'
+    """``standard``, or ``modified`` (Craig), where ``a`` and ``alpha`` belong to the previous
+    x axis and come first."""
 
 
 def dh_robot(
     joints: Sequence[str],
     dh: DHParameters,
-    base_frame: str = 'base',
+    base_frame: str | None = None,
     limits: Limits | None = None,
 ) -> Robot:
     """Build the kinematic model of a DH arm with the frames ``link_1`` … ``link_n``.
@@ -52,7 +61,7 @@ def dh_robot(
     dh
         The parameters of each joint.
     base_frame
-        Name of the frame that positions and velocities are expressed in.
+        Name of the frame that everything is expressed in; ``base`` when left out.
     limits
         Joint limits; absent means unlimited.
 
@@ -62,7 +71,11 @@ def dh_robot(
         If a list has not one value per joint or a joint type is unknown.
     """
     n = len(joints)
+    if dh.convention not in CONVENTIONS:
+        raise InvalidValue('robot.dh.convention', shown(dh.convention), listed(CONVENTIONS))
     for key, values in zip(DHParameters._fields, dh, strict=True):
+        if key == 'convention':
+            continue
         needed = 6 if key == 'base_pose' else n
         if len(values) != needed:
             meaning = (
@@ -77,6 +90,7 @@ def dh_robot(
             )
     model = pin.Model()
     model.name = 'dh_arm'
+    modified = dh.convention == 'modified'
     parent = 0
     placement = pin.SE3(
         pin.rpy.rpyToMatrix(np.array(dh.base_pose[3:], dtype=float)),
@@ -86,13 +100,26 @@ def dh_robot(
         if dh.types[i] not in JOINT_TYPES:
             raise InvalidValue('robot.dh.types', shown(dh.types[i]), listed(JOINT_TYPES))
         joint = pin.JointModelRZ() if dh.types[i] == 'revolute' else pin.JointModelPZ()
-        parent = model.addJoint(parent, joint, placement, name)
-        placement = _link(dh.theta[i], dh.d[i], dh.a[i], dh.alpha[i])
+        turn, twist = _about_z(dh.theta[i], dh.d[i]), _about_x(dh.alpha[i], dh.a[i])
+        before, after = (twist, turn) if modified else (pin.SE3.Identity(), turn * twist)
+        parent = model.addJoint(parent, joint, placement * before, name)
+        placement = after
         model.addFrame(pin.Frame(f'link_{i + 1}', parent, 0, placement, pin.OP_FRAME))
-    return Robot(model, joints, base_frame, limits)
+    base_frame = 'base' if base_frame is None else base_frame
+    links = [f'link_{i + 1}' for i in range(n)]
+    if base_frame in links:
+        raise InvalidValue(
+            'robot.base_frame', shown(base_frame), f'a name that no link has ({listed(links)})'
+        )
+    foot = np.array(dh.base_pose[:3], dtype=float)
+    starts: list[str | Vector] = [foot, *links]
+    lines = list(zip(starts, links, strict=False))
+    return Robot(model, joints, base_frame, limits, lines=lines)
 
 
-def _link(theta: float, d: float, a: float, alpha: float) -> pin.SE3:
-    """Pose of frame i in the moved frame i - 1 with the joint at zero."""
-    turn = pin.SE3(pin.utils.rotate('z', float(theta)), np.array([0.0, 0.0, float(d)]))
-    return turn * pin.SE3(pin.utils.rotate('x', float(alpha)), np.array([float(a), 0.0, 0.0]))
+def _about_z(angle: float, length: float) -> pin.SE3:
+    return pin.SE3(pin.utils.rotate('z', float(angle)), np.array([0.0, 0.0, float(length)]))
+
+
+def _about_x(angle: float, length: float) -> pin.SE3:
+    return pin.SE3(pin.utils.rotate('x', float(angle)), np.array([float(length), 0.0, 0.0]))

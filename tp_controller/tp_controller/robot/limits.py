@@ -49,13 +49,33 @@ class Limits:
         self.acceleration = _positive('acceleration', acceleration, n)
         self.position_min = _spread('position_min', position_min, n, -np.inf)
         self.position_max = _spread('position_max', position_max, n, np.inf)
+        self._check_ranges()
+        self._velocity_unlimited = bool(np.all(np.isinf(self.velocity)))
+
+    def replaced(self, **given: Sequence[float] | None) -> Limits:
+        """Copy with the limits that are given in place of these.
+
+        Raises
+        ------
+        InvalidValue
+            As the constructor.
+        """
+        n = self.velocity.size
+        new = Limits(n)
+        for key in self.KEYS:
+            other = Limits(n, **{key: given.get(key)}) if given.get(key) is not None else self
+            setattr(new, key, getattr(other, key))
+        new._check_ranges()
+        new._velocity_unlimited = bool(np.all(np.isinf(new.velocity)))
+        return new
+
+    def _check_ranges(self) -> None:
         if not np.all(self.position_min < self.position_max):
             raise InvalidValue(
                 'robot.limits.position_min',
                 f'{shown(self.position_min)} with position_max {shown(self.position_max)}',
                 'values below position_max for every joint',
             )
-        self._velocity_unlimited = bool(np.all(np.isinf(self.velocity)))
 
     def scale_velocity(self, qd: Vector) -> float:
         """Shorten a joint velocity (n,) in place until every component is in its limit.

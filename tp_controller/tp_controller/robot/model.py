@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -14,6 +15,18 @@ from tp_controller.robot.limits import Limits
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
+LINKS = (pin.OP_FRAME, pin.BODY)
+"""Kinds of frames that tasks may control."""
+
+
+class Coupling(NamedTuple):
+    """How the m joints of a model follow the n controlled ones: ``q_model = S q + offset``."""
+
+    S: Matrix
+    """(m, n)."""
+    offset: Vector
+    """(m,) [rad, m]."""
+
 
 class Robot:
     """An arm's kinematics at one configuration at a time.
@@ -21,14 +34,22 @@ class Robot:
     Parameters
     ----------
     model
-        Pinocchio model whose universe is the base frame and whose joints are those of
-        ``joints``, in that order.
+        Pinocchio model whose universe is the base frame and whose joints have one position
+        each.
     joints
-        Joint names (n,).
+        Names of the controlled joints (n,).
     base_frame
         Name of the frame that everything is expressed in.
     limits
         Joint limits; absent means unlimited.
+    coupling
+        How the joints of the model follow the controlled ones; absent means that they are
+        the same, in the same order.
+    lines
+        Pairs that a picture of the arm connects: a frame or a fixed point (3,) [m], and a
+        frame beyond it.
+    wrapping
+        For every joint whether whole turns make no difference (n,); absent means no.
 
     Raises
     ------
@@ -42,6 +63,9 @@ class Robot:
         joints: Sequence[str],
         base_frame: str = 'base',
         limits: Limits | None = None,
+        coupling: Coupling | None = None,
+        lines: Sequence[tuple[str | Vector, str]] = (),
+        wrapping: Sequence[bool] | None = None,
     ) -> None:
         self.joints = tuple(joints)
         if not self.joints:
@@ -51,21 +75,19 @@ class Robot:
         self.n = len(self.joints)
         self.base_frame = base_frame
         self.limits = limits if limits is not None else Limits(self.n)
+        self.wrapping = tuple(wrapping) if wrapping is not None else (False,) * self.n
         self._model = model
         self._data = model.createData()
+        self._coupling = coupling
         self._q = np.zeros(self.n)
-        self._root: Vector = np.array(model.jointPlacements[1].translation)
+        # Without a coupling the model's configuration is the robot's own.
+        self._q_model = self._q if coupling is None else np.zeros(model.nq)
         self._frames = {
-            frame.name: Frame(model, self._data, i)
+            frame.name: Frame(model, self._data, i, coupling)
             for i, frame in enumerate(model.frames)
-            if frame.type in (pin.OP_FRAME, pin.BODY)
+            if frame.type in LINKS
         }
-        if base_frame in self._frames:
-            raise InvalidValue(
-                'robot.base_frame',
-                shown(base_frame),
-                f'a name that no link frame has ({listed(self.frames)})',
-            )
+        self._lines = lines
         self.update(self._q)
 
     @property
@@ -93,9 +115,17 @@ class Robot:
         except KeyError:
             raise InvalidValue('frame', shown(name), f'one of {listed(self.frames)}') from None
 
-    def skeleton(self) -> Matrix:
-        """Points (m, 3) [m] that a line through the arm connects, from the base outwards."""
-        return np.array([self._root, *(frame.position for frame in self._frames.values())])
+    def segments(self) -> Matrix:
+        """Straight lines (s, 2, 3) [m] from the origin of every link to those beyond it."""
+        return np.array(
+            [
+                (
+                    self._frames[start].position if isinstance(start, str) else start,
+                    self._frames[end].position,
+                )
+                for start, end in self._lines
+            ]
+        )
 
     def joint_indices(self, names: Sequence[str]) -> list[int]:
         """Indices of the named joints.
@@ -115,7 +145,10 @@ class Robot:
     def update(self, q: Vector) -> None:
         """Move every frame to configuration ``q`` (n,) [rad, m]."""
         self._q[:] = q
-        pin.computeJointJacobians(self._model, self._data, self._q)
+        if self._coupling is not None:
+            np.dot(self._coupling.S, self._q, out=self._q_model)
+            self._q_model += self._coupling.offset
+        pin.computeJointJacobians(self._model, self._data, self._q_model)
         pin.updateFramePlacements(self._model, self._data)
         for frame in self._frames.values():
             frame.moved()
@@ -124,11 +157,14 @@ class Robot:
 class Frame:
     """Pose and Jacobian of one frame at the robot's present configuration."""
 
-    def __init__(self, model: pin.Model, data: pin.Data, index: int) -> None:
+    def __init__(
+        self, model: pin.Model, data: pin.Data, index: int, coupling: Coupling | None = None
+    ) -> None:
         self.name: str = model.frames[index].name
         self._model = model
         self._data = data
         self._index = index
+        self._coupling = coupling
         self._jacobian: Matrix | None = None
         # Views into Pinocchio's data: they follow every update without a call.
         pose = data.oMf[index]
@@ -147,7 +183,8 @@ class Frame:
                 self._model, self._data, self._index, pin.LOCAL_WORLD_ALIGNED
             )
             # A single column arrives as a vector.
-            self._jacobian = jacobian.reshape(6, -1)
+            jacobian = jacobian.reshape(6, -1)
+            self._jacobian = jacobian if self._coupling is None else jacobian @ self._coupling.S
             self._jacobian.flags.writeable = False
         return self._jacobian
 

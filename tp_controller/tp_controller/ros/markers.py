@@ -42,11 +42,12 @@ class Markers:
 
     def array(self, stamp: Time) -> MarkerArray:
         """Markers of the present configuration; every call adds a point to the paths."""
-        skeleton = _points(self._robot.skeleton())
-        width = 0.03 * max(np.ptp(self._robot.skeleton(), axis=0).max(), 0.1)
+        ends = self._robot.segments().reshape(-1, 3)
+        width = 0.03 * max(np.ptp(ends, axis=0).max(), 0.1)
+        points = [_point(position) for position in ends]
         markers = [
-            self._marker(stamp, 'robot', 0, Marker.LINE_STRIP, skeleton, width, GREY),
-            self._marker(stamp, 'robot', 1, Marker.SPHERE_LIST, skeleton, 1.6 * width, BLUE),
+            self._marker(stamp, 'robot', 0, Marker.LINE_LIST, points, width, GREY),
+            self._marker(stamp, 'robot', 1, Marker.SPHERE_LIST, points, 1.6 * width, BLUE),
         ]
         controlled = [task for task in self._state.tasks if task.enabled and task.frame]
         for i, frame in enumerate(dict.fromkeys(task.frame for task in controlled)):
@@ -96,7 +97,3 @@ def _target(task: TaskState, current: NDArray[np.float64]) -> NDArray[np.float64
 def _point(position: NDArray[np.float64]) -> Point:
     x, y, z = position.tolist()
     return Point(x=x, y=y, z=z)
-
-
-def _points(positions: NDArray[np.float64]) -> list[Point]:
-    return [_point(position) for position in positions]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.parameters import REQUIRED, TEXTS, Parameter
 from tp_controller.robot import Robot
+from tp_controller.rotations import wrap
 from tp_controller.tasks.base import Task
 
 Vector = NDArray[np.float64]
@@ -19,8 +20,8 @@ Vector = NDArray[np.float64]
 class JointTask(Task):
     """Brings named joints to positions.
 
-    ``error = q_des - q`` of the named joints, not wrapped: a joint turned once round is
-    not where it was. ``J`` has the matching unit rows.
+    ``error = q_des - q`` of the named joints, wrapped for continuous ones alone: another
+    joint turned once round is not where it was. ``J`` has the matching unit rows.
 
     Parameters
     ----------
@@ -45,6 +46,7 @@ class JointTask(Task):
         super().__init__(name, robot, joints)
         self._indices = np.array(indices)
         self._q = robot.q
+        self._wrapping = [row for row, i in enumerate(indices) if robot.wrapping[i]]
         self.J[np.arange(self.k), self._indices] = 1.0
 
     @classmethod
@@ -90,3 +92,5 @@ class JointTask(Task):
         """Compute `error` [rad, m] at the robot's present configuration; `J` is constant."""
         np.take(self._q, self._indices, out=self.error)
         np.subtract(self._target, self.error, out=self.error)
+        for row in self._wrapping:
+            self.error[row] = wrap(self.error[row])

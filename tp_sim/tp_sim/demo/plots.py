@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -67,14 +67,18 @@ def draw_arm(
     above and from the side.
     """
     arms = _arms(robot, record.q)
-    planar = np.ptp(arms[..., 2]) < 1e-6
+    planar = np.nanmax(arms[..., 2]) - np.nanmin(arms[..., 2]) < 1e-6
+    frames = dict.fromkeys(task.frame for task in tasks if task.enabled and task.frame)
+    paths = {frame: _path(robot, frame, record.q) for frame in frames}
     views = ('xy',) if planar else ('xy', 'xz')
     figure = Figure(figsize=(3.0 + 5.6 * len(views), 6.0), layout='constrained')
     panels = figure.subplots(1, len(views), squeeze=False)[0]
     ends = [int(np.searchsorted(record.time, leg.end)) for leg in legs]
     ends = [min(end, len(arms) - 1) for end in ends]
     for view, axes in zip(views, panels, strict=True):
-        _draw_view(axes, view, robot, arms, ends, tasks, legs)
+        _draw_arms(axes, view, arms, ends)
+        _draw_paths(axes, view, paths)
+        _draw_targets(axes, view, tasks, legs)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc='outside right upper', fontsize=9)
     panels[0].set_title('Arm, paths of the controlled frames, and targets')
@@ -82,23 +86,26 @@ def draw_arm(
 
 
 def _arms(robot: Robot, configurations: Array) -> Array:
-    """Skeletons (N, m, 3) [m] of the arm at configurations (N, n)."""
-    skeletons = []
+    """Lines (N, 3 s, 3) [m] of the arm at configurations (N, n), a NaN after every segment."""
+    arms = []
     for q in configurations:
         robot.update(q)
-        skeletons.append(robot.skeleton())
-    return np.array(skeletons)
+        segments = robot.segments()
+        gaps = np.full((len(segments), 1, 3), np.nan)
+        arms.append(np.concatenate([segments, gaps], axis=1).reshape(-1, 3))
+    return np.array(arms)
 
 
-def _draw_view(
-    axes: Axes,
-    view: str,
-    robot: Robot,
-    arms: Array,
-    ends: Sequence[int],
-    tasks: Sequence[TaskState],
-    legs: Sequence[Leg],
-) -> None:
+def _path(robot: Robot, frame: str, configurations: Array) -> Array:
+    """Positions (N, 3) [m] of a frame at configurations (N, n)."""
+    points = []
+    for q in configurations:
+        robot.update(q)
+        points.append(robot.frame(frame).position.copy())
+    return np.array(points)
+
+
+def _draw_arms(axes: Axes, view: str, arms: Array, ends: Sequence[int]) -> None:
     i, j = ('xyz'.index(letter) for letter in view)
     for still in np.linspace(0, ends[-1], STILLS, dtype=int):
         axes.plot(arms[still, :, i], arms[still, :, j], color='0.85', linewidth=1.5, zorder=1)
@@ -115,8 +122,6 @@ def _draw_view(
             label=f'arm at goal {number + 1}',
             zorder=4,
         )
-    _draw_paths(axes, i, j, robot, arms, tasks)
-    _draw_targets(axes, view, tasks, legs)
     axes.set_xlabel(f'{view[0]} [m]')
     axes.set_ylabel(f'{view[1]} [m]')
     axes.set_aspect('equal', adjustable='datalim')
@@ -124,16 +129,13 @@ def _draw_view(
     axes.grid(alpha=0.3)
 
 
-def _draw_paths(
-    axes: Axes, i: int, j: int, robot: Robot, arms: Array, tasks: Sequence[TaskState]
-) -> None:
-    frames = dict.fromkeys(task.frame for task in tasks if task.enabled and task.frame)
-    for frame in frames:
-        point = 1 + robot.frames.index(frame)
+def _draw_paths(axes: Axes, view: str, paths: Mapping[str, Array]) -> None:
+    i, j = ('xyz'.index(letter) for letter in view)
+    for number, (frame, points) in enumerate(paths.items()):
         axes.plot(
-            arms[:, point, i],
-            arms[:, point, j],
-            linestyle=':' if len(frames) > 1 and frame != robot.frames[-1] else '-',
+            points[:, i],
+            points[:, j],
+            linestyle=('-', ':', '--', '-.')[number % 4],
             color='black',
             linewidth=1.2,
             label=f'path of {frame}',

@@ -1,0 +1,313 @@
+"""Arms from a URDF description.
+
+Pinocchio computes the kinematics. What it would answer with a bare exception, or with lines
+on the terminal, is looked for first, so that a user gets one line with the reason.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from tp_controller.errors import InvalidValue, listed, shown
+from tp_controller.robot.limits import Limits
+from tp_controller.robot.model import Coupling, Robot
+
+Vector = NDArray[np.float64]
+
+KEY = 'robot.urdf'
+PACKAGE = 'package://'
+MOVABLE = ('revolute', 'continuous', 'prismatic')
+TYPES = (*MOVABLE, 'fixed')
+
+
+class _Joint(NamedTuple):
+    """What the controller needs to know of a joint of a URDF."""
+
+    type: str
+    parent: str
+    child: str
+    limits: dict[str, float]
+    mimic: tuple[str, float, float] | None
+    """Name of the joint that it follows, multiplier and offset."""
+
+
+def read_description(path: str) -> str:
+    """Text of a URDF file.
+
+    Parameters
+    ----------
+    path
+        A path, or ``package://<package>/<path>`` in the share folder of a ROS package.
+
+    Raises
+    ------
+    InvalidValue
+        If there is no such package or file.
+    """
+    place = Path(path).expanduser()
+    if path.startswith(PACKAGE):
+        package, _, rest = path.removeprefix(PACKAGE).partition('/')
+        place = _share(package) / rest
+    try:
+        return place.read_text(encoding='utf-8')
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, 'strerror', None) or 'bytes that are not UTF-8'
+        raise InvalidValue(KEY, f'{shown(path)} ({reason})', 'a readable URDF file') from None
+
+
+def _share(package: str) -> Path:
+    """Share folder of a ROS package."""
+    for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
+        share = Path(prefix) / 'share' / package
+        if prefix and share.is_dir():
+            return share
+    raise InvalidValue(KEY, f'the package {shown(package)}', 'a package in AMENT_PREFIX_PATH')
+
+
+def urdf_robot(
+    text: str,
+    joints: Sequence[str] | None = None,
+    base_frame: str | None = None,
+    limits: Mapping[str, Sequence[float] | None] | None = None,
+    rest_positions: Mapping[str, float] | None = None,
+) -> Robot:
+    """Build the kinematic model of a URDF; its links are the frames. Meshes are not read.
+
+    Parameters
+    ----------
+    text
+        The description.
+    joints
+        Controlled joints (n,), in the order of commands; all movable ones that mimic no
+        other when left out. Continuous joints count whole turns as nothing.
+    base_frame
+        Link that everything is expressed in, rigidly connected to the root; the root when
+        left out.
+    limits
+        Limits in place of the description's, see `Limits`.
+    rest_positions
+        Positions [rad, m] of joints that are not controlled; zero when left out.
+
+    Raises
+    ------
+    InvalidValue
+        If the description is not one, or has not the joints or links asked for.
+    """
+    root, found = _read(text)
+    leaders = [name for name, j in found.items() if j.type in MOVABLE and j.mimic is None]
+    joints = leaders if joints is None else list(joints)
+    for name in joints:
+        if name not in leaders:
+            what = 'which mimics another' if name in found and found[name].mimic else ''
+            raise InvalidValue(
+                'robot.joints', f'{shown(name)} {what}'.strip(), f'some of {listed(leaders)}'
+            )
+    rest = dict(rest_positions or {})
+    for name in rest:
+        if name not in leaders or name in joints:
+            free = [leader for leader in leaders if leader not in joints]
+            raise InvalidValue('robot.rest_positions', shown(name), f'some of {listed(free)}')
+    model = pin.buildModelFromXML(ElementTree.tostring(root, encoding='unicode'))
+    model, coupling = _coupled(model, found, joints, rest)
+    base_frame = base_frame if base_frame is not None else _root_link(found, root)
+    _move_base(model, base_frame)
+    wrapping = [found[name].type == 'continuous' for name in joints]
+    own = _limits([found[name] for name in joints], limits or {})
+    lines = [(joint.parent, joint.child) for joint in found.values()]
+    return Robot(model, joints, base_frame, own, coupling, lines, wrapping)
+
+
+def _read(text: str) -> tuple[ElementTree.Element, dict[str, _Joint]]:
+    """Kinematic part of a description: the elements for Pinocchio, and the joints by name."""
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise InvalidValue(KEY, f'malformed XML ({error})', 'a URDF') from None
+    if root.tag != 'robot':
+        raise InvalidValue(KEY, f'a document <{root.tag}>', 'a URDF, <robot>')
+    if not root.get('name'):
+        root.set('name', 'robot')
+    links = [link.get('name') for link in root.findall('link')]
+    joints: dict[str, _Joint] = {}
+    for element in root.findall('joint'):
+        name = element.get('name')
+        if not name or name in joints:
+            raise InvalidValue(
+                KEY, f'a joint named {shown(name)}', 'every joint with its own name'
+            )
+        joints[name] = _joint(name, element, links)
+    if not links or len(set(links)) != len(links):
+        raise InvalidValue(KEY, f'links {shown(links)}', 'every link with its own name')
+    _check_tree(joints, links)
+    # Geometry is not needed; a continuous joint is a revolute one that counts its turns.
+    for child in list(root):
+        if child.tag not in ('link', 'joint'):
+            root.remove(child)
+    for link in root.findall('link'):
+        for part in list(link):
+            link.remove(part)
+    for element in root.findall('joint'):
+        if element.get('type') == 'continuous':
+            element.set('type', 'revolute')
+            for limit in element.findall('limit'):
+                element.remove(limit)
+        if element.get('type') != 'fixed' and element.find('limit') is None:
+            ElementTree.SubElement(element, 'limit', lower='-1e9', upper='1e9')
+        for limit in element.findall('limit'):
+            limit.set('effort', limit.get('effort', '0'))
+            limit.set('velocity', limit.get('velocity', '0'))
+        for mimic in element.findall('mimic'):
+            element.remove(mimic)
+    return root, joints
+
+
+def _joint(name: str, element: ElementTree.Element, links: Sequence[str | None]) -> _Joint:
+    kind = element.get('type', '')
+    if kind not in TYPES:
+        raise InvalidValue(KEY, f'joint {shown(name)} of type {shown(kind)}', listed(TYPES))
+    ends = []
+    for tag in ('parent', 'child'):
+        end = element.find(tag)
+        link = end.get('link') if end is not None else None
+        if link not in links:
+            raise InvalidValue(
+                KEY, f'joint {shown(name)} with {tag} {shown(link)}', 'the name of a link'
+            )
+        ends.append(str(link))
+    for tag, attribute in (('origin', 'xyz'), ('origin', 'rpy'), ('axis', 'xyz')):
+        part = element.find(tag)
+        if part is not None and part.get(attribute) is not None:
+            _numbers(f'joint {shown(name)} {tag}', str(part.get(attribute)), 3)
+    limit = element.find('limit')
+    limits = {
+        key: _numbers(f'joint {shown(name)} limit', value, 1)[0]
+        for key, value in (limit.attrib if limit is not None else {}).items()
+        if key in ('lower', 'upper', 'velocity')
+    }
+    if kind == 'continuous' or limits.get('lower', 0.0) == limits.get('upper', 0.0) == 0.0:
+        limits.pop('lower', None)
+        limits.pop('upper', None)
+    if limits.get('velocity', 0.0) <= 0.0:
+        limits.pop('velocity', None)
+    mimic = element.find('mimic')
+    follows = None
+    if mimic is not None:
+        multiplier, offset = (
+            _numbers(f'joint {shown(name)} mimic', mimic.get(key, default), 1)[0]
+            for key, default in (('multiplier', '1'), ('offset', '0'))
+        )
+        follows = (mimic.get('joint', ''), multiplier, offset)
+    return _Joint(kind, ends[0], ends[1], limits, follows)
+
+
+def _numbers(what: str, text: str, count: int) -> list[float]:
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(math.isfinite(value) for value in values):
+        raise InvalidValue(KEY, f'{what} {shown(text)}', f'{count} finite numbers')
+    return values
+
+
+def _check_tree(joints: Mapping[str, _Joint], links: Sequence[str | None]) -> None:
+    parents: dict[str, str] = {}
+    for name, joint in joints.items():
+        if joint.child in parents:
+            raise InvalidValue(KEY, f'{shown(joint.child)} as a child twice', 'a tree of links')
+        parents[joint.child] = joint.parent
+        if joint.mimic is not None:
+            leader = joints.get(joint.mimic[0])
+            if leader is None or leader.type not in MOVABLE or leader.mimic is not None:
+                raise InvalidValue(
+                    KEY,
+                    f'joint {shown(name)} mimicking {shown(joint.mimic[0])}',
+                    'the name of a movable joint that mimics no other',
+                )
+    roots = [link for link in links if link not in parents]
+    reached = set(roots)
+    while True:
+        more = {c for c, p in parents.items() if p in reached} - reached
+        if not more:
+            break
+        reached |= more
+    if len(roots) != 1 or len(reached) != len(links):
+        raise InvalidValue(KEY, f'links with the roots {shown(roots)}', 'one tree of links')
+
+
+def _root_link(joints: Mapping[str, _Joint], root: ElementTree.Element) -> str:
+    children = {joint.child for joint in joints.values()}
+    return next(
+        str(link.get('name')) for link in root.findall('link') if link.get('name') not in children
+    )
+
+
+def _coupled(
+    model: pin.Model,
+    found: Mapping[str, _Joint],
+    joints: Sequence[str],
+    rest: Mapping[str, float],
+) -> tuple[pin.Model, Coupling | None]:
+    """Model with the other joints locked, and how its joints follow the controlled ones."""
+    locked = []
+    reference = pin.neutral(model)
+    for name, joint in found.items():
+        if joint.type not in MOVABLE:
+            continue
+        leader, multiplier, offset = joint.mimic or (name, 1.0, 0.0)
+        if leader not in joints:
+            index = model.getJointId(name)
+            locked.append(index)
+            reference[model.joints[index].idx_q] = multiplier * rest.get(leader, 0.0) + offset
+    if locked:
+        model = pin.buildReducedModel(model, locked, reference)
+    names = list(model.names)[1:]
+    if names == list(joints):
+        return model, None
+    S, offsets = np.zeros((len(names), len(joints))), np.zeros(len(names))
+    for name in names:
+        leader, multiplier, offset = found[name].mimic or (name, 1.0, 0.0)
+        row = model.joints[model.getJointId(name)].idx_q
+        S[row, joints.index(leader)] = multiplier
+        offsets[row] = offset
+    return model, Coupling(S, offsets)
+
+
+def _move_base(model: pin.Model, base_frame: str) -> None:
+    """Express a model in a link that is rigidly connected to its root."""
+    links = [frame for frame in model.frames if frame.type == pin.BODY]
+    found = [frame for frame in links if frame.name == base_frame and frame.parentJoint == 0]
+    if not found:
+        rigid = [frame.name for frame in links if frame.parentJoint == 0]
+        raise InvalidValue('robot.base_frame', shown(base_frame), f'one of {listed(rigid)}')
+    shift = pin.SE3(found[0].placement).inverse()
+    for index in range(1, model.njoints):
+        if model.parents[index] == 0:
+            model.jointPlacements[index] = shift * model.jointPlacements[index]
+    for frame in model.frames:
+        if frame.parentJoint == 0:
+            frame.placement = shift * frame.placement
+
+
+def _limits(joints: Sequence[_Joint], instead: Mapping[str, Sequence[float] | None]) -> Limits:
+    """Limits of the description, replaced by those that are given."""
+    limits = Limits(len(joints))
+    limits.velocity = _column(joints, 'velocity', math.inf)
+    limits.position_min = _column(joints, 'lower', -math.inf)
+    limits.position_max = _column(joints, 'upper', math.inf)
+    return limits.replaced(**instead)
+
+
+def _column(joints: Sequence[_Joint], key: str, absent: float) -> Vector:
+    column = np.array([joint.limits.get(key, absent) for joint in joints])
+    column.flags.writeable = False
+    return column
