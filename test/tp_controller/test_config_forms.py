@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from planar_config import changed, dotted_parameters, nested_parameters
 from random_stacks import examples, parameters, states
 
-from tp_controller import build_settings
+from tp_controller import InvalidValue, build_settings
 from tp_controller.config import SHARED, controller_schema
 from tp_controller.parameters import Parameter, flatten
 from tp_controller.tasks import TASK_TYPES
@@ -183,3 +183,13 @@ def test_the_schema_holds_the_parameters_of_every_task_type():
         own = {key.split('.')[2] for key in schema if key.startswith(f'tasks.{name}.')}
         expected = {'type', 'gain', 'feedforward', 'target'}
         assert own == expected | set(TASK_TYPES[block['type']].parameters)
+
+
+def test_an_empty_block_is_refused_not_dropped():
+    with pytest.raises(InvalidValue, match=r'tasks\.spare: got an empty block'):
+        flatten({'hierarchy': ['tip'], 'tasks': {'tip': {'type': 'joint'}, 'spare': {}}})
+
+
+def test_a_value_given_nested_and_dotted_is_refused():
+    with pytest.raises(InvalidValue, match=r'solver\.damping: got two values'):
+        flatten({'solver': {'damping': 1.0}, 'solver.damping': 2.0})

@@ -124,16 +124,19 @@ def flatten(nested: Mapping[str, Any], prefix: str = '') -> Flat:
     Raises
     ------
     InvalidValue
-        If a key is not a text.
+        If a key is not a text, a block is empty, or a key is given both nested and dotted.
     """
     flat: Flat = {}
     for key, value in nested.items():
+        name = f'{prefix}{key}'
         if not isinstance(key, str):
-            raise InvalidValue(f'{prefix}{key}', f'a key {shown(key)}', 'texts as keys')
-        if isinstance(value, Mapping):
-            flat.update(flatten(value, f'{prefix}{key}.'))
-        else:
-            flat[f'{prefix}{key}'] = value
+            raise InvalidValue(name, f'a key {shown(key)}', 'texts as keys')
+        if isinstance(value, Mapping) and not value:
+            raise InvalidValue(name, 'an empty block', 'parameters (or leave the block out)')
+        found = flatten(value, f'{name}.') if isinstance(value, Mapping) else {name: value}
+        for twice in flat.keys() & found.keys():
+            raise InvalidValue(twice, 'two values, nested and dotted', 'one of the two')
+        flat.update(found)
     return flat
 
 
