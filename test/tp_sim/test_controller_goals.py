@@ -4,31 +4,18 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped, PoseStamped, QuaternionStamped, TwistStamped
 from sensor_msgs.msg import JointState
+from spare_tasks import SPARE_TASKS
 
 from tp_controller.errors import InvalidValue
 from tp_sim.harness import ClosedLoop, GoalRejected
 
-EXTRA_TASKS = {
-    'tp_controller': {
-        'tasks': {
-            'hand_pose': {
-                'type': 'pose',
-                'frame': 'link_3',
-                'position_axes': 'xy',
-                'orientation_axes': 'z',
-            },
-            'hand_rotation': {'type': 'orientation', 'frame': 'link_3', 'axes': 'xyz'},
-            'elbow': {'type': 'joint', 'joints': ['joint_2', 'joint_3'], 'target': [0.5, 0.5]},
-        }
-    }
-}
 NAN = float('nan')
 
 
 @pytest.fixture(scope='module')
 def loop(config):
     """A3 with an idle task of every other type."""
-    with ClosedLoop(config / 'a3_position_orientation.yaml', EXTRA_TASKS) as loop:
+    with ClosedLoop(config / 'a3_position_orientation.yaml', SPARE_TASKS) as loop:
         yield loop
 
 

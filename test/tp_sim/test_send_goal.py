@@ -2,28 +2,14 @@
 
 import numpy as np
 import pytest
+from spare_tasks import SPARE_TASKS
 
 from tp_sim.harness import ClosedLoop, NodeProcess
-
-EXTRA_TASKS = {
-    'tp_controller': {
-        'tasks': {
-            'hand_pose': {
-                'type': 'pose',
-                'frame': 'link_3',
-                'position_axes': 'xy',
-                'orientation_axes': 'z',
-            },
-            'hand_rotation': {'type': 'orientation', 'frame': 'link_3', 'axes': 'xyz'},
-            'elbow': {'type': 'joint', 'joints': ['joint_2', 'joint_3']},
-        }
-    }
-}
 
 
 @pytest.fixture(scope='module')
 def loop(config):
-    with ClosedLoop(config / 'a3_position_orientation.yaml', EXTRA_TASKS) as loop:
+    with ClosedLoop(config / 'a3_position_orientation.yaml', SPARE_TASKS) as loop:
         yield loop
 
 

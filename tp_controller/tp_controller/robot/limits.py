@@ -50,7 +50,6 @@ class Limits:
         self.position_min = _spread('position_min', position_min, n, -np.inf)
         self.position_max = _spread('position_max', position_max, n, np.inf)
         self._check_ranges()
-        self._velocity_unlimited = bool(np.all(np.isinf(self.velocity)))
 
     def replaced(self, **given: Sequence[float] | None) -> Limits:
         """Copy with the limits that are given in place of these.
@@ -66,7 +65,6 @@ class Limits:
             other = Limits(n, **{key: given.get(key)}) if given.get(key) is not None else self
             setattr(new, key, getattr(other, key))
         new._check_ranges()
-        new._velocity_unlimited = bool(np.all(np.isinf(new.velocity)))
         return new
 
     def _check_ranges(self) -> None:
@@ -87,8 +85,6 @@ class Limits:
         float
             The factor in (0, 1] that was applied.
         """
-        if self._velocity_unlimited:
-            return 1.0
         excess = float(np.max(np.abs(qd) / self.velocity))
         if excess <= 1.0:
             return 1.0
