@@ -2,7 +2,8 @@
 
 from collections.abc import Mapping
 
-from tp_controller.config.schema import CONTROLLER, SHARED
+from tp_controller.config.schema import CONTROLLER, OBJECTIVE_GAIN, SHARED
+from tp_controller.objectives import OBJECTIVE_TYPES
 from tp_controller.parameters import REQUIRED, Parameter
 from tp_controller.tasks import COMMON, TASK_TYPES
 from tp_sim.demo.script import DEMO
@@ -19,6 +20,11 @@ def table() -> list[str]:
     lines = ['| parameter | meaning | default | while running |', '|---|---|---|---|']
     lines += _group('both nodes', SHARED)
     lines += _group('`tp_controller`', CONTROLLER, without=SHARED)
+    lines += _group('every objective, `solver.objective.…`', {'gain': OBJECTIVE_GAIN})
+    for name, objective in OBJECTIVE_TYPES.items():
+        if objective.parameters:
+            title = f'objective of type `{name}`, `solver.objective.…`'
+            lines += _group(title, objective.parameters)
     lines += _group('every task, `tasks.<name>.…`', COMMON)
     for name, task in TASK_TYPES.items():
         lines += _group(f'tasks of type `{name}`, `tasks.<name>.…`', task.parameters)

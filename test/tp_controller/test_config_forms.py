@@ -8,7 +8,7 @@ from random_stacks import examples, parameters, states
 from tp_controller import InvalidValue, build_settings
 from tp_controller.config import SHARED, controller_schema
 from tp_controller.parameters import Parameter, flatten
-from tp_controller.tasks import TASK_TYPES
+from tp_controller.tasks import COMMON, TASK_TYPES
 
 Q = np.array([0.1, 0.6, 0.3])
 
@@ -171,7 +171,7 @@ def test_the_parameters_that_may_change_while_running_are_those_of_the_contract(
     tasks = {
         f'tasks.{name}.{leaf}'
         for name in nested_parameters()['tasks']
-        for leaf in ('gain', 'feedforward', 'target')
+        for leaf in ('gain', 'feedforward', 'target', 'weight')
     }
     assert runtime == {'hierarchy', 'solver.damping'} | limits | tasks
 
@@ -181,7 +181,7 @@ def test_the_schema_holds_the_parameters_of_every_task_type():
     assert set(SHARED) < set(schema)
     for name, block in nested_parameters()['tasks'].items():
         own = {key.split('.')[2] for key in schema if key.startswith(f'tasks.{name}.')}
-        expected = {'type', 'gain', 'feedforward', 'target'}
+        expected = set(COMMON)
         assert own == expected | set(TASK_TYPES[block['type']].parameters)
 
 

@@ -2,11 +2,12 @@ import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from plain_levels import random_levels, resolve
 from random_stacks import arms, examples, numbers, parameters, planar_arms, states, tasks
 from references import away_from_rank_changes, recursion
 
 from tp_controller import InvalidValue, build_settings
-from tp_controller.solvers import Equations, RecursiveSolver
+from tp_controller.solvers import Inverse, RecursiveSolver
 
 
 @st.composite
@@ -85,14 +86,7 @@ def test_a_task_repeated_on_a_lower_level_changes_nothing(case, damping):
 
 
 def solved(levels, damping=0.0):
-    qd = np.full(levels[0][0].shape[1], 7.0)
-    RecursiveSolver(len(qd), damping).solve([Equations(*level) for level in levels], qd)
-    return qd
-
-
-def random_levels(seed, n, rows):
-    rng = np.random.default_rng(seed)
-    return [(rng.normal(size=(k, n)), rng.normal(size=k)) for k in rows]
+    return resolve(RecursiveSolver(levels[0][0].shape[1], Inverse(damping=damping)), levels)
 
 
 @pytest.mark.parametrize('damping', [0.0, 0.1])
@@ -166,7 +160,7 @@ def test_solving_leaves_its_input_alone():
 
 @pytest.mark.parametrize('damping', [-0.1, float('nan'), float('inf')])
 def test_a_damping_that_is_negative_or_not_finite_is_refused(damping):
-    solver = RecursiveSolver(3, 0.2)
+    solver = RecursiveSolver(3, Inverse(damping=0.2))
     with pytest.raises(InvalidValue, match='at least 0') as caught:
         solver.damping = damping
     assert caught.value.key == 'solver.damping'

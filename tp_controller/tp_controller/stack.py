@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from typing import NamedTuple, NoReturn
 
 import numpy as np
@@ -10,10 +11,11 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, UnusableState, listed, shown
 from tp_controller.robot import Robot
-from tp_controller.solvers import Equations, Solver
+from tp_controller.solvers import Solver
 from tp_controller.tasks import Task
 
 Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
 
 
 class LevelResult(NamedTuple):
@@ -68,30 +70,63 @@ class Stack:
         self._held: list[Task] = []
         self._qd: Vector = np.zeros(robot.n)
         self._command = _read_only(self._qd)
-        self._levels: tuple[_Level, ...] = ()
+        self._members: list[list[Task]] = []
         self.hierarchy = hierarchy
 
     @property
     def hierarchy(self) -> Sequence[str]:
         """Task names by level, highest first, ``a + b`` for two on one level."""
-        return tuple(' + '.join(level.result.tasks) for level in self._levels)
+        return tuple(' + '.join(task.name for task in members) for members in self._members)
 
     @hierarchy.setter
     def hierarchy(self, hierarchy: Sequence[str]) -> None:
-        names_by_level = self.check_hierarchy(hierarchy)
-        self._levels = tuple(
-            _Level([self.tasks[name] for name in names], self.robot.n) for names in names_by_level
-        )
-        self._equations = [level.equations for level in self._levels]
-        self._results = tuple(level.result for level in self._levels)
+        members = self.check_hierarchy(hierarchy)
+        for task in self.tasks.values():
+            task.place(np.zeros_like(task.J))
+        self._members = members
+        self._rows: dict[str, slice] = {}
+        k = 0
+        for task in chain.from_iterable(members):
+            self._rows[task.name] = slice(k, k + task.k)
+            k += task.k
+        # Tasks write their rows of the whole system themselves; nothing is copied per cycle.
+        self._J = np.zeros((k, self.robot.n))
+        self._velocity, self._achieved = np.zeros(k), np.zeros(k)
+        self._parts = [
+            (self.tasks[name], self._velocity[rows]) for name, rows in self._rows.items()
+        ]
+        for task, _ in self._parts:
+            task.place(self._J[self._rows[task.name]])
+        self._results = tuple(self._result(tasks) for tasks in members)
+        self.prepare_solver()
 
-    def check_hierarchy(self, hierarchy: Sequence[str]) -> list[list[str]]:
-        """Task names of every level.
+    def _result(self, tasks: Sequence[Task]) -> LevelResult:
+        rows = slice(self._rows[tasks[0].name].start, self._rows[tasks[-1].name].stop)
+        return LevelResult(
+            tuple(task.name for task in tasks),
+            _read_only(self._velocity[rows]),
+            _read_only(self._achieved[rows]),
+        )
+
+    def prepare_solver(self) -> None:
+        """Tell the solver of the levels, and of their tasks' weights and inverses."""
+        self.solver.prepare(self._members, self._jacobian_at)
+
+    def _jacobian_at(self, q: Vector) -> Matrix:
+        """Stacked Jacobian (K, n) after the robot was moved to ``q`` (n,)."""
+        self.robot.update(q)
+        for task, _ in self._parts:
+            task.update()
+        return self._J
+
+    def check_hierarchy(self, hierarchy: Sequence[str]) -> list[list[Task]]:
+        """Tasks of every level.
 
         Raises
         ------
         InvalidValue
-            If there is no level, a name is unknown or a task stands twice.
+            If there is no level, a name is unknown, a task stands twice or the solver
+            cannot resolve the levels.
         """
         levels = [[name.strip() for name in level.split('+')] for level in hierarchy]
         accepts = f'names out of {listed(self.tasks)}, joined by + on one level'
@@ -104,12 +139,14 @@ class Stack:
             if name in seen:
                 raise InvalidValue('hierarchy', f'{shown(name)} twice', 'every task once')
             seen.add(name)
-        return levels
+        members = [[self.tasks[name] for name in names] for names in levels]
+        self.solver.check(members)
+        return members
 
     def level_of(self, name: str) -> int:
         """Level of a task, 0 is the highest; -1 outside the hierarchy."""
-        for i, level in enumerate(self._levels):
-            if name in level.result.tasks:
+        for i, level in enumerate(self._results):
+            if name in level.tasks:
                 return i
         return -1
 
@@ -118,9 +155,8 @@ class Stack:
 
         They are the ones that steps write to until the hierarchy changes.
         """
-        level = self._levels[self.level_of(name)]
-        rows = level.rows[name]
-        return level.result.requested[rows], level.result.achieved[rows]
+        rows = self._rows[name]
+        return _read_only(self._velocity[rows]), _read_only(self._achieved[rows])
 
     def step(self, q: Vector) -> Step:
         """Compute the command at configuration ``q`` (n,) [rad, m].
@@ -142,18 +178,16 @@ class Stack:
         try:
             # What overflows is not finite and refused below.
             with np.errstate(over='ignore', invalid='ignore'):
-                for level in self._levels:
-                    level.update()
-                self.solver.solve(self._equations, self._qd)
+                for task, velocity in self._parts:
+                    task.update()
+                    task.desired_velocity(velocity)
+                self.solver.solve(self._J, self._velocity, self._qd)
         except np.linalg.LinAlgError:
-            self._refuse(q)
-        if not np.isfinite(self._qd).all():
             self._refuse(q)
         if self._unaimed:
             self._unaimed, self._held = [], []
         scale = self.robot.limits.scale_velocity(self._qd)
-        for level in self._levels:
-            np.dot(level.equations.J, self._qd, out=level.achieved)
+        np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
 
     def _refuse(self, q: Vector) -> NoReturn:
@@ -162,38 +196,6 @@ class Stack:
             task.forget_target()
         self._held = []
         raise UnusableState(f'no finite command follows from the position {shown(q)}')
-
-
-class _Level:
-    """Tasks of one priority, stacked in arrays that are made once."""
-
-    def __init__(self, tasks: Sequence[Task], n: int) -> None:
-        self.rows: dict[str, slice] = {}
-        k = 0
-        for task in tasks:
-            self.rows[task.name] = slice(k, k + task.k)
-            k += task.k
-        # A single task's Jacobian is the level's own; only several are copied together.
-        self._single = len(tasks) == 1
-        J = tasks[0].J if self._single else np.zeros((k, n))
-        velocity = np.zeros(k)
-        self._parts = [
-            (task, J[rows], velocity[rows])
-            for task, rows in zip(tasks, self.rows.values(), strict=True)
-        ]
-        self.equations = Equations(J, velocity)
-        self.achieved = np.zeros(k)
-        self.result = LevelResult(
-            tuple(self.rows), _read_only(velocity), _read_only(self.achieved)
-        )
-
-    def update(self) -> None:
-        """Fill the level's equations at the robot's present configuration."""
-        for task, J, velocity in self._parts:
-            task.update()
-            if not self._single:
-                J[:] = task.J
-            task.desired_velocity(velocity)
 
 
 def _read_only(array: Vector) -> Vector:

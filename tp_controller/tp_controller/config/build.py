@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from tp_controller.config.schema import REST, controller_schema, task_names
+from tp_controller.config.schema import INVERSE, OBJECTIVE, REST, controller_schema, task_names
 from tp_controller.errors import InvalidValue
+from tp_controller.objectives import OBJECTIVE_TYPES, Objective
 from tp_controller.parameters import Flat, flatten, read_all
 from tp_controller.robot import (
     DHParameters,
@@ -16,7 +17,7 @@ from tp_controller.robot import (
     read_description,
     urdf_robot,
 )
-from tp_controller.solvers import SOLVER_TYPES
+from tp_controller.solvers import SOLVER_TYPES, Inverse
 from tp_controller.stack import Stack
 from tp_controller.tasks import TASK_TYPES, Task
 
@@ -72,8 +73,26 @@ def build_robot(values: Flat) -> Robot:
 def build_stack(robot: Robot, values: Flat) -> Stack:
     """Build the stack of checked values on a robot."""
     tasks = [_task(name, robot, values) for name in task_names(values)]
-    solver = SOLVER_TYPES[values['solver.type']](robot.n, values['solver.damping'])
+    solver = SOLVER_TYPES[values['solver.type']](
+        robot.n,
+        Inverse(*(values[f'solver.{key}'] for key in INVERSE)),
+        values['solver.joint_weights'],
+        _objective(robot, values),
+    )
     return Stack(robot, tasks, values['hierarchy'], solver)
+
+
+def _objective(robot: Robot, values: Flat) -> Objective | None:
+    kind = values['solver.objective.type']
+    if kind is None:
+        return None
+    own = {key.removeprefix(OBJECTIVE): values[key] for key in values if key.startswith(OBJECTIVE)}
+    try:
+        objective = OBJECTIVE_TYPES[kind].from_parameters(robot, own)
+    except InvalidValue as error:
+        raise error.under('solver.objective') from None
+    objective.gain = own['gain']
+    return objective
 
 
 def _task(name: str, robot: Robot, values: Flat) -> Task:
@@ -82,6 +101,8 @@ def _task(name: str, robot: Robot, values: Flat) -> Task:
     try:
         task = TASK_TYPES[own['type']].from_parameters(name, robot, own)
         task.gain = own['gain']
+        task.weight = own['weight']
+        task.inverse = Inverse(*(own[key] for key in INVERSE))
         if own['feedforward'] is not None:
             task.feedforward = own['feedforward']
         if own['target'] is not None:

@@ -53,9 +53,14 @@ def check_changes(
             steps.append(partial(setattr, stack, 'hierarchy', value))
         elif key == 'solver.damping':
             steps.append(partial(setattr, stack.solver, 'damping', value))
+        elif key == 'solver.objective.gain':
+            steps.append(partial(setattr, stack.solver.objective, 'gain', value))
         elif key.startswith('tasks.'):
             _, name, leaf = key.split('.')
             task = stack.tasks[name]
+            if leaf == 'weight':
+                steps += [partial(setattr, task, leaf, value), stack.prepare_solver]
+                continue
             try:
                 getattr(task, f'check_{leaf}')(value)
             except InvalidValue as error:

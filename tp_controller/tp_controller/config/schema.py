@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from tp_controller.errors import InvalidValue, shown
+from tp_controller.objectives import OBJECTIVE_TYPES
 from tp_controller.parameters import (
     NAME,
     NUMBER,
@@ -17,7 +18,7 @@ from tp_controller.parameters import (
     Parameter,
 )
 from tp_controller.robot.dh import CONVENTIONS, JOINT_TYPES
-from tp_controller.solvers import SOLVER_TYPES
+from tp_controller.solvers import DEFAULT, INVERSES, SOLVER_TYPES
 from tp_controller.tasks import COMMON, TASK_TYPES
 
 COMMAND_TYPES = ('joint_state', 'float64_multi_array')
@@ -82,12 +83,33 @@ CONTROLLER: Mapping[str, Parameter] = {
     'solver.type': Parameter(
         TEXT, 'How the levels are resolved', default='recursive', choices=tuple(SOLVER_TYPES)
     ),
+    'solver.inverse': Parameter(
+        TEXT,
+        'Damped least squares, pseudo-inverse, or damping near singularities only',
+        default=DEFAULT.type,
+        choices=INVERSES,
+    ),
     'solver.damping': Parameter(
         NUMBER,
         'λ of the damped least squares, in the units of the singular values of J',
-        default=0.1,
+        default=DEFAULT.damping,
         minimum=0.0,
         runtime=True,
+    ),
+    'solver.singular_region': Parameter(
+        NUMBER,
+        'ε, the singular value below which adaptive damping sets in',
+        default=DEFAULT.region,
+        above=0.0,
+    ),
+    'solver.joint_weights': Parameter(
+        NUMBERS,
+        'W of the norm qdᵀ W qd to minimise: one value, one per joint, or a full matrix',
+    ),
+    'solver.objective.type': Parameter(
+        TEXT,
+        'What projected_gradient and extended_jacobian make large',
+        choices=tuple(OBJECTIVE_TYPES),
     ),
     'timeouts.joint_state': Parameter(
         NUMBER,
@@ -110,6 +132,17 @@ CONTROLLER: Mapping[str, Parameter] = {
 }
 """Parameters of the controller, those of its tasks excepted."""
 
+
+OBJECTIVE_GAIN = Parameter(
+    NUMBER, 'Factor κ of the gradient', default=1.0, above=0.0, runtime=True
+)
+"""Parameter ``solver.objective.gain`` of every objective."""
+
+INVERSE = ('inverse', 'damping', 'singular_region')
+"""Keys of an inverse, under ``solver`` and under every task."""
+
+OBJECTIVE = 'solver.objective.'
+"""Beginning of the keys of an objective."""
 
 REST = 'robot.rest_positions.'
 """Beginning of the keys that hold joints of a URDF which are not controlled."""
@@ -156,6 +189,12 @@ def controller_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
     """
     own = {key: p for key, p in CONTROLLER.items() if key not in SHARED}
     schema = shared_schema(flat) | own
+    kind = flat.get('solver.objective.type')
+    if kind is not None:
+        kind = schema['solver.objective.type'].read('solver.objective.type', kind)
+        schema[f'{OBJECTIVE}gain'] = OBJECTIVE_GAIN
+        for leaf, parameter in OBJECTIVE_TYPES[kind].parameters.items():
+            schema[f'{OBJECTIVE}{leaf}'] = parameter
     for name in task_names(flat):
         if not NAME.fullmatch(name):
             raise InvalidValue(
@@ -163,11 +202,11 @@ def controller_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
                 f'a task called {shown(name)}',
                 'names of letters, digits and _ that begin with a letter',
             )
-        kind = Parameter(TEXT, COMMON['type'].description, REQUIRED, choices=tuple(TASK_TYPES))
+        of_type = Parameter(TEXT, COMMON['type'].description, REQUIRED, choices=tuple(TASK_TYPES))
         key = f'tasks.{name}.type'
         if flat.get(key) is None:
-            raise InvalidValue(key, 'no value', kind.accepts)
-        task_type = TASK_TYPES[kind.read(key, flat[key])]
-        for leaf, parameter in {**COMMON, 'type': kind, **task_type.parameters}.items():
+            raise InvalidValue(key, 'no value', of_type.accepts)
+        task_type = TASK_TYPES[of_type.read(key, flat[key])]
+        for leaf, parameter in {**COMMON, 'type': of_type, **task_type.parameters}.items():
             schema[f'tasks.{name}.{leaf}'] = parameter
     return schema

@@ -166,6 +166,7 @@ class Frame:
         self._index = index
         self._coupling = coupling
         self._jacobian: Matrix | None = None
+        self._hessian: NDArray[np.float64] | None = None
         # Views into Pinocchio's data: they follow every update without a call.
         pose = data.oMf[index]
         self.position: Vector = pose.translation
@@ -179,15 +180,47 @@ class Frame:
     def jacobian(self) -> Matrix:
         """Jacobian (6, n) to the frame's twist [v; ω], both in the base frame; read-only."""
         if self._jacobian is None:
-            jacobian = pin.getFrameJacobian(
-                self._model, self._data, self._index, pin.LOCAL_WORLD_ALIGNED
-            )
-            # A single column arrives as a vector.
-            jacobian = jacobian.reshape(6, -1)
+            jacobian = self._model_jacobian()
             self._jacobian = jacobian if self._coupling is None else jacobian @ self._coupling.S
             self._jacobian.flags.writeable = False
         return self._jacobian
 
+    @property
+    def hessian(self) -> NDArray[np.float64]:
+        """Derivative (6, n, n) of the Jacobian by the joints, the last index; read-only.
+
+        With columns ``[vᵢ; ωᵢ]``, joints counted from the base: for j ≤ i both are turned by
+        joint j, ``ωⱼ × vᵢ`` and ``ωⱼ × ωᵢ``; for j > i only the frame's origin moves,
+        ``ωᵢ × vⱼ`` and 0 (Hourtash 2005).
+        """
+        if self._hessian is None:
+            jacobian = self._model_jacobian()
+            v, w = jacobian[:3].T, jacobian[3:].T
+            # [i, j] is ωⱼ × vᵢ, later with i and j exchanged above the diagonal.
+            turned = np.cross(w[None, :, :], v[:, None, :])
+            lower = np.tri(len(v), dtype=bool)[:, :, None]
+            hessian = np.concatenate(
+                [
+                    np.where(lower, turned, turned.swapaxes(0, 1)),
+                    np.where(lower, np.cross(w[None, :, :], w[:, None, :]), 0.0),
+                ],
+                axis=2,
+            ).transpose(2, 0, 1)
+            if self._coupling is not None:
+                S = self._coupling.S
+                hessian = np.einsum('rij,ik,jl->rkl', hessian, S, S)
+            self._hessian = hessian
+            self._hessian.flags.writeable = False
+        return self._hessian
+
+    def _model_jacobian(self) -> Matrix:
+        """Jacobian (6, m) by the joints of the model."""
+        jacobian = pin.getFrameJacobian(
+            self._model, self._data, self._index, pin.LOCAL_WORLD_ALIGNED
+        )
+        # A single column arrives as a vector.
+        return jacobian.reshape(6, -1)
+
     def moved(self) -> None:
-        """Forget the Jacobian of the configuration before."""
-        self._jacobian = None
+        """Forget what belongs to the configuration before."""
+        self._jacobian = self._hessian = None

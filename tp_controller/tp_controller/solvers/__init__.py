@@ -1,9 +1,36 @@
 """Ways to resolve a hierarchy of task velocities into joint velocities."""
 
-from tp_controller.solvers.base import Equations, Solver
+from tp_controller.solvers.augmented import AugmentedSolver
+from tp_controller.solvers.base import Levels, Rows, Solver
+from tp_controller.solvers.extended_jacobian import ExtendedJacobianSolver
+from tp_controller.solvers.inverses import DEFAULT, INVERSES, Inverse
+from tp_controller.solvers.projected_gradient import ProjectedGradientSolver
 from tp_controller.solvers.recursive import RecursiveSolver
+from tp_controller.solvers.weighted import WeightedSolver
 
-SOLVER_TYPES: dict[str, type[Solver]] = {RecursiveSolver.type: RecursiveSolver}
+SOLVER_TYPES: dict[str, type[Solver]] = {
+    solver.type: solver
+    for solver in (
+        RecursiveSolver,
+        AugmentedSolver,
+        ExtendedJacobianSolver,
+        WeightedSolver,
+        ProjectedGradientSolver,
+    )
+}
 """Solver classes by the ``solver.type`` of parameter files."""
 
-__all__ = ['SOLVER_TYPES', 'Equations', 'RecursiveSolver', 'Solver']
+__all__ = [
+    'DEFAULT',
+    'INVERSES',
+    'SOLVER_TYPES',
+    'AugmentedSolver',
+    'ExtendedJacobianSolver',
+    'Inverse',
+    'Levels',
+    'ProjectedGradientSolver',
+    'RecursiveSolver',
+    'Rows',
+    'Solver',
+    'WeightedSolver',
+]

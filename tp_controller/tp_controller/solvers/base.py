@@ -1,65 +1,206 @@
-"""The interface of every solver."""
+"""The interface of every solver, and what all of them share."""
 
 from __future__ import annotations
 
-import math
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from typing import ClassVar, NamedTuple
+from abc import ABC
+from collections.abc import Callable, Sequence
+from itertools import chain
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import InvalidValue
+from tp_controller.errors import InvalidValue, shown
+from tp_controller.objectives import Objective
+from tp_controller.solvers.inverses import DEFAULT, Inverse
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
+RANK_TOLERANCE = 1e-8
+"""Singular values below this share of ‖J‖ (Frobenius) do not count towards the rank."""
 
-class Equations(NamedTuple):
-    """What one level asks for: ``J qd = velocity``."""
 
-    J: Matrix
-    """Task Jacobian (k, n)."""
-    velocity: Vector
-    """Desired task velocity (k,)."""
+class Rows(Protocol):
+    """What a solver needs to know of a task."""
+
+    name: str
+    k: int
+    """Number of its rows."""
+    inverse: Inverse
+    """How it is inverted, where that differs from the solver's way."""
+    weight: float
+    """Its share in a weighted sum."""
+
+
+Levels = Sequence[Sequence[Rows]]
+"""Tasks by level, highest first."""
 
 
 class Solver(ABC):
     """Resolves levels of task velocities into one joint velocity.
 
+    A solver arranges the rows of the levels in groups and inverts each group in the null
+    space of those before it. The schemes differ in the arrangement only.
+
     Parameters
     ----------
     n
         Number of joints.
-    damping
-        λ of the damped least squares, in the units of the Jacobian's singular values.
+    inverse
+        How Jacobians are inverted; what it leaves open is that of `DEFAULT`.
+    joint_weights
+        Symmetric positive matrix W (n, n) row by row, its diagonal (n,) or one value: among
+        all answers the one with the smallest ``qdᵀ W qd`` is taken. Singular values are
+        then those of ``J L⁻ᵀ`` with ``W = L Lᵀ`` (Whitney 1969; Siciliano et al. 2009,
+        section 3.5.1).
+    objective
+        Function of the configuration to be made large, for the schemes that use one.
+
+    Raises
+    ------
+    InvalidValue
+        For an inverse, weights or an objective that cannot be used.
     """
 
     type: ClassVar[str]
     """Name of the solver in parameter files."""
 
-    def __init__(self, n: int, damping: float = 0.0) -> None:
+    def __init__(
+        self,
+        n: int,
+        inverse: Inverse = DEFAULT,
+        joint_weights: Sequence[float] | None = None,
+        objective: Objective | None = None,
+    ) -> None:
+        # Compiled, or loaded, when the first solver is made: a simulator has none.
+        from tp_controller.solvers import kernel
+
+        self._kernel = kernel
         self.n = n
-        self.damping = damping
+        self.objective = objective
+        inverse.check('solver')
+        self._inverse = inverse.over(DEFAULT)
+        self._basis = _basis(n, joint_weights)
+        self._tolerance = RANK_TOLERANCE * float(np.linalg.norm(self._basis, 2))
+        self._groups: Levels = ()
+        self.prepare(())
+
+    @property
+    def inverse(self) -> Inverse:
+        """How Jacobians are inverted, unless a task has its own way."""
+        return self._inverse
 
     @property
     def damping(self) -> float:
         """λ of the damped least squares, at least 0."""
-        return self._damping
+        assert self._inverse.damping is not None
+        return self._inverse.damping
 
     @damping.setter
     def damping(self, value: float) -> None:
-        if not (math.isfinite(value) and value >= 0.0):
-            raise InvalidValue('solver.damping', repr(value), 'a finite number of at least 0')
-        self._damping = float(value)
+        inverse = self._inverse._replace(damping=float(value))
+        inverse.check('solver')
+        self._inverse = inverse
+        self._set_rules()
 
-    @abstractmethod
-    def solve(self, levels: Sequence[Equations], qd: Vector) -> None:
-        """Write the joint velocity (n,) that answers the levels, highest first, to ``qd``.
+    def check(self, levels: Levels) -> None:
+        """Check that the levels can be resolved.
+
+        Raises
+        ------
+        InvalidValue
+            If tasks that are inverted together are to be inverted in different ways, or
+            the number of rows does not suit the scheme.
+        """
+        for group in self.arrange(levels):
+            for task in group[1:]:
+                first, other = group[0].inverse, task.inverse
+                if other.over(self._inverse) != first.over(self._inverse):
+                    raise InvalidValue(
+                        'hierarchy',
+                        f'{task.name} with another inverse, damping or singular_region than '
+                        f'{group[0].name}',
+                        f'the same for both: solver.type {self.type} inverts them together',
+                    )
+
+    def prepare(
+        self, levels: Levels, jacobian_at: Callable[[Vector], Matrix] | None = None
+    ) -> None:
+        """Get ready for levels.
+
+        Parameters
+        ----------
+        levels
+            Tasks by level, highest first; they pass `check`.
+        jacobian_at
+            Stacked Jacobian (K, n) of all levels at a configuration (n,), for schemes that
+            need its derivative.
+        """
+        self._groups = self.arrange(levels)
+        self._jacobian_at = jacobian_at
+        sizes = [sum(task.k for task in group) for group in self._groups]
+        self._starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+        self.k = int(self._starts[-1])
+        self._work = self._kernel.workspace(self.k + self.n, self.n)
+        self._set_rules()
+
+    def _set_rules(self) -> None:
+        rules = [group[0].inverse.over(self._inverse).rule for group in self._groups]
+        self._damping = np.array([damping for damping, _ in rules])
+        self._region = np.array([region for _, region in rules])
+
+    def arrange(self, levels: Levels) -> Levels:
+        """Groups of tasks that are inverted together; all of them unless overridden."""
+        return [list(chain.from_iterable(levels))] if levels else []
+
+    def solve(self, J: Matrix, velocity: Vector, qd: Vector) -> None:
+        """Write the joint velocity (n,) that answers the levels to ``qd``.
+
+        Parameters
+        ----------
+        J
+            Task Jacobians of all levels (K, n), highest first.
+        velocity
+            Desired task velocities (K,).
 
         Raises
         ------
         numpy.linalg.LinAlgError
             If a Jacobian is not finite or leaves the range of floats.
         """
+        self._resolve(J, velocity, qd)
+
+    def _resolve(self, J: Matrix, velocity: Vector, qd: Vector) -> None:
+        if not self._kernel.resolve(
+            J,
+            velocity,
+            self._starts,
+            self._damping,
+            self._region,
+            self._basis,
+            self._tolerance,
+            self._work,
+            qd,
+        ):
+            raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
+
+
+def _basis(n: int, joint_weights: Sequence[float] | None) -> Matrix:
+    """Rows (n, n) of L⁻¹ with W = L Lᵀ: joint velocities of unit size in the metric W."""
+    if joint_weights is None:
+        return np.eye(n)
+    key, W = 'solver.joint_weights', np.array(joint_weights, dtype=float)
+    if W.size not in (1, n, n * n):
+        accepts = '1 value' if n == 1 else f'1, {n} or {n * n} values'
+        raise InvalidValue(
+            key, f'{W.size} values {shown(W)}', f'{accepts} (for all joints, per joint, a matrix)'
+        )
+    W = W.reshape(n, n) if W.size == n * n else np.diag(np.broadcast_to(W, (n,)))
+    accepts = 'values above 0, or a symmetric positive definite matrix'
+    if not np.isfinite(W).all() or not np.array_equal(W, W.T):
+        raise InvalidValue(key, shown(W), accepts)
+    try:
+        return np.ascontiguousarray(np.linalg.inv(np.linalg.cholesky(W)))
+    except np.linalg.LinAlgError:
+        raise InvalidValue(key, shown(W), accepts) from None

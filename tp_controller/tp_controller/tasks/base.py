@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, shown
-from tp_controller.parameters import NUMBERS, REQUIRED, TEXT, Parameter
+from tp_controller.parameters import NUMBER, NUMBERS, REQUIRED, TEXT, Parameter
 from tp_controller.robot import Robot
+from tp_controller.solvers.inverses import INVERSES, Inverse
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -28,6 +29,16 @@ COMMON: Mapping[str, Parameter] = {
         NUMBERS,
         'Desired task velocity added to the gain term, one value per row; zero when left out',
         runtime=True,
+    ),
+    'inverse': Parameter(
+        TEXT, "This level's inverse in place of solver.inverse", choices=INVERSES
+    ),
+    'damping': Parameter(NUMBER, "This level's λ in place of solver.damping", minimum=0.0),
+    'singular_region': Parameter(
+        NUMBER, "This level's ε in place of solver.singular_region", above=0.0
+    ),
+    'weight': Parameter(
+        NUMBER, 'Weight among all tasks with solver.type weighted', 1.0, above=0.0, runtime=True
     ),
     'target': Parameter(
         NUMBERS,
@@ -57,6 +68,10 @@ class Task(ABC):
         Desired minus current (k,), rotations by the shortest way; filled by `update`.
     J
         Task Jacobian (k, n); filled by `update`.
+    inverse
+        How its level is inverted, where that differs from the solver's way.
+    weight
+        Its share in a weighted sum of all tasks.
     """
 
     type: ClassVar[str]
@@ -73,6 +88,8 @@ class Task(ABC):
         self.k = len(self.components)
         self.error: Vector = np.zeros(self.k)
         self.J: Matrix = np.zeros((self.k, robot.n))
+        self.inverse = Inverse()
+        self.weight = 1.0
         self._K: Matrix = np.eye(self.k)
         self._feedforward: Vector = np.zeros(self.k)
         self._target: Vector = np.zeros(0)  # empty before the first one
@@ -100,6 +117,11 @@ class Task(ABC):
     @abstractmethod
     def update(self) -> None:
         """Compute `error` and `J` at the robot's present configuration."""
+
+    def place(self, J: Matrix) -> None:
+        """Keep the Jacobian in a given array (k, n) from now on."""
+        J[:] = self.J
+        self.J = J
 
     @property
     def target(self) -> Vector | None:

@@ -61,6 +61,15 @@ class PoseTask(FrameTask):
         self._split = len(position_rows)
         self._position = PositionTask(name, robot, frame, position_axes)
         self._orientation = OrientationTask(name, robot, frame, orientation_axes)
+        self._position.error = self.error[: self._split]
+        self._orientation.error = self.error[self._split :]
+        self.place(self.J)
+
+    def place(self, J: Matrix) -> None:
+        """Keep the Jacobian in a given array (k, n) from now on."""
+        super().place(J)
+        self._position.place(J[: self._split])
+        self._orientation.place(J[self._split :])
 
     @classmethod
     def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> PoseTask:
@@ -118,7 +127,3 @@ class PoseTask(FrameTask):
         """Compute `error` [m, rad] and `J` at the robot's present configuration."""
         self._position.update()
         self._orientation.update()
-        self.error[: self._split] = self._position.error
-        self.error[self._split :] = self._orientation.error
-        self.J[: self._split] = self._position.J
-        self.J[self._split :] = self._orientation.J

@@ -1,0 +1,68 @@
+"""Nearness to a posture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.errors import InvalidValue, shown
+from tp_controller.objectives.base import Objective
+from tp_controller.parameters import NUMBERS, REQUIRED, Parameter
+from tp_controller.robot import Robot
+from tp_controller.rotations import wrap
+
+Vector = NDArray[np.float64]
+
+
+class PostureObjective(Objective):
+    """``H = -½ ‖q - q₀‖²``, continuous joints by the shortest way.
+
+    Parameters
+    ----------
+    robot
+        The robot.
+    positions
+        The posture q₀ (n,) [rad, m].
+
+    Raises
+    ------
+    InvalidValue
+        For a wrong number of positions.
+    """
+
+    type = 'posture'
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        'positions': Parameter(
+            NUMBERS, 'Posture to be near, one position [rad, m] per joint', default=REQUIRED
+        )
+    }
+
+    def __init__(self, robot: Robot, positions: Sequence[float]) -> None:
+        super().__init__(robot)
+        self._positions = np.array(positions, dtype=float)
+        if self._positions.shape != (robot.n,):
+            raise InvalidValue(
+                'positions', f'{len(positions)} values {shown(positions)}', f'{robot.n} values'
+            )
+        self._wrapping = [i for i, wraps in enumerate(robot.wrapping) if wraps]
+        self._way = np.zeros(robot.n)
+
+    @classmethod
+    def from_parameters(cls, robot: Robot, values: Mapping[str, Any]) -> PostureObjective:
+        """Make the objective from checked values."""
+        return cls(robot, values['positions'])
+
+    @property
+    def value(self) -> float:
+        """H at the robot's present configuration [rad², m²]."""
+        self.gradient(self._way)
+        return -0.5 * float(self._way @ self._way)
+
+    def gradient(self, out: Vector) -> None:
+        """Write ``q₀ - q`` (n,) to ``out``."""
+        np.subtract(self._positions, self.robot.q, out=out)
+        for i in self._wrapping:
+            out[i] = wrap(out[i])

@@ -1,0 +1,215 @@
+"""The recursion over levels, compiled by numba: small matrices, no allocation.
+
+Everything here works in arrays that the caller made. Bases and singular vectors are kept as
+rows, so that every inner loop runs over neighbouring numbers. Importing this module compiles
+it, or loads what an earlier process compiled: no cycle ever waits for the compiler.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import boolean, float64, int64, njit
+
+ORTHOGONAL = 1e-15
+"""Rows whose cosine is below this count as orthogonal."""
+SWEEPS = 60
+"""More than any matrix needs; Jacobi's method converges quadratically."""
+
+
+ROWS = float64[:, ::1]
+COLUMN = float64[::1]
+
+
+@njit(cache=True)
+def _orthogonalise(B, W, p, q):  # type: ignore[no-untyped-def]
+    """Turn the p rows (q,) of B until they are orthogonal; W (p, p) is the turn.
+
+    One-sided Jacobi (Hestenes 1958): afterwards the rows are right singular vectors times
+    singular values, and the rows of W the left singular vectors.
+    """
+    for i in range(p):
+        for j in range(p):
+            W[i, j] = 1.0 if i == j else 0.0
+    for _ in range(SWEEPS):
+        turned = False
+        for i in range(p - 1):
+            for j in range(i + 1, p):
+                ii = ij = jj = 0.0
+                for c in range(q):
+                    ii += B[i, c] * B[i, c]
+                    ij += B[i, c] * B[j, c]
+                    jj += B[j, c] * B[j, c]
+                if not abs(ij) > ORTHOGONAL * math.sqrt(ii * jj):
+                    continue
+                turned = True
+                ratio = (jj - ii) / (2.0 * ij)
+                t = 1.0 / (abs(ratio) + math.sqrt(1.0 + ratio * ratio))
+                if ratio < 0.0:
+                    t = -t
+                cosine = 1.0 / math.sqrt(1.0 + t * t)
+                sine = cosine * t
+                for c in range(q):
+                    a, b = B[i, c], B[j, c]
+                    B[i, c], B[j, c] = cosine * a - sine * b, sine * a + cosine * b
+                for c in range(p):
+                    a, b = W[i, c], W[j, c]
+                    W[i, c], W[j, c] = cosine * a - sine * b, sine * a + cosine * b
+        if not turned:
+            return
+
+
+@njit(cache=True)
+def _reduce(N, spare, V, x, rank, m, n):  # type: ignore[no-untyped-def]
+    """Take directions out of a basis: its m rows (n,) become m - rank.
+
+    The directions are the ``rank`` orthonormal rows (m,) of V, in coordinates of the basis;
+    their orthonormal complement comes from Householder reflections.
+    """
+    for i in range(rank):
+        norm = 0.0
+        for c in range(i, m):
+            norm += V[i, c] * V[i, c]
+        norm = math.sqrt(norm)
+        V[i, i] += norm if V[i, i] >= 0.0 else -norm
+        length = 0.0
+        for c in range(i, m):
+            length += V[i, c] * V[i, c]
+        length = math.sqrt(length)
+        for c in range(i, m):
+            V[i, c] /= length
+        for j in range(i + 1, rank):
+            _reflect(V[j], V[i], i, m)
+    for row in range(rank, m):
+        for c in range(m):
+            x[c] = 1.0 if c == row else 0.0
+        for i in range(rank - 1, -1, -1):
+            _reflect(x, V[i], i, m)
+        for c in range(n):
+            entry = 0.0
+            for j in range(m):
+                entry += x[j] * N[j, c]
+            spare[row - rank, c] = entry
+    for row in range(m - rank):
+        for c in range(n):
+            N[row, c] = spare[row, c]
+
+
+@njit(cache=True)
+def _reflect(x, normal, first, m):  # type: ignore[no-untyped-def]
+    """Reflect a vector at the plane with a unit normal whose first entries are zero."""
+    along = 0.0
+    for c in range(first, m):
+        along += normal[c] * x[c]
+    for c in range(first, m):
+        x[c] -= 2.0 * along * normal[c]
+
+
+@njit(
+    boolean(ROWS, COLUMN, int64[::1], COLUMN, COLUMN, ROWS, float64, float64[:, :, ::1], COLUMN),
+    cache=True,
+)
+def resolve(J, velocity, starts, damping, region, basis, tolerance, work, qd):  # type: ignore[no-untyped-def]
+    """Resolve levels one after the other, each in the null space of those above it.
+
+    Parameters
+    ----------
+    J
+        Rows of all levels (K, n), highest first.
+    velocity
+        Desired task velocity (K,).
+    starts
+        First row of every level, then K (levels + 1,).
+    damping, region
+        λ and ε of every level (levels,): a direction of singular value s is damped by
+        ``λ² max(0, 1 - (s/ε)²)``.
+    basis
+        Rows (n, n) that span the joint velocities, orthonormal in the metric to minimise.
+    tolerance
+        Singular values below this times ‖J‖ (Frobenius) count for nothing.
+    work
+        Space to work in, see `workspace`.
+    qd
+        Joint velocity (n,), the result.
+
+    Returns
+    -------
+    bool
+        False if a Jacobian or the result is not finite.
+    """
+    n = qd.size
+    qd[:] = 0.0
+    N, spare, B, W = work[0], work[1], work[2], work[3]
+    N[:n, :n] = basis
+    residual, y = work[4, 0], work[4, 1]
+    m = n
+    for level in range(damping.size):
+        first, k = starts[level], starts[level + 1] - starts[level]
+        square = 0.0
+        for i in range(k):
+            gap = velocity[first + i]
+            for c in range(n):
+                square += J[first + i, c] * J[first + i, c]
+                gap -= J[first + i, c] * qd[c]
+            residual[i] = gap
+        if not square < math.inf:
+            return False
+        # The rows of B are those of J N, or its columns where those are fewer.
+        tall = k > m
+        p, q = (m, k) if tall else (k, m)
+        for i in range(k):
+            for j in range(m):
+                entry = 0.0
+                for c in range(n):
+                    entry += J[first + i, c] * N[j, c]
+                if tall:
+                    B[j, i] = entry
+                else:
+                    B[i, j] = entry
+        _orthogonalise(B, W, p, q)
+        smallest = tolerance * math.sqrt(square)
+        y[:m] = 0.0
+        rank = 0
+        for i in range(p):
+            s = 0.0
+            for c in range(q):
+                s += B[i, c] * B[i, c]
+            s = math.sqrt(s)
+            # Directions outside the rank stay out: damping near 0 would amplify rounding.
+            if not s > smallest:
+                continue
+            near = 1.0 - (s / region[level]) ** 2
+            filtered = s * s + (damping[level] ** 2 * near if near > 0.0 else 0.0)
+            along = 0.0
+            if tall:
+                for c in range(q):
+                    along += B[i, c] * residual[c]
+                for c in range(m):
+                    y[c] += along / filtered * W[i, c]
+                    B[rank, c] = W[i, c]
+            else:
+                for c in range(p):
+                    along += W[i, c] * residual[c]
+                for c in range(m):
+                    y[c] += along / filtered * B[i, c]
+                    B[rank, c] = B[i, c] / s
+            rank += 1
+        for j in range(m):
+            for c in range(n):
+                qd[c] += y[j] * N[j, c]
+        if rank == m:
+            break
+        if rank > 0:
+            _reduce(N, spare, B, y, rank, m, n)
+            m -= rank
+    finite = True
+    for c in range(n):
+        finite = finite and math.isfinite(qd[c])
+    return finite
+
+
+def workspace(rows: int, n: int) -> np.ndarray:
+    """Space that `resolve` needs for up to ``rows`` rows in all and n joints."""
+    size = max(rows, n)
+    return np.zeros((5, size, size) if size > 1 else (5, 2, 2))

@@ -1,0 +1,61 @@
+"""The gradient of an objective in the freedom that the tasks leave."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.errors import NO_VALUE, InvalidValue, listed
+from tp_controller.objectives import OBJECTIVE_TYPES, Objective
+from tp_controller.solvers.base import Levels
+from tp_controller.solvers.inverses import DEFAULT, Inverse
+from tp_controller.solvers.recursive import RecursiveSolver
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+class ProjectedGradientSolver(RecursiveSolver):
+    """The levels as in `RecursiveSolver`, then ``qd += P κ ∇H`` (Liégeois 1977).
+
+    ``P`` projects on what all levels leave free, κ is the objective's gain. With one level
+    this is the classical ``qd = J† v + (I - J⁺ J) κ ∇H``.
+    """
+
+    type = 'projected_gradient'
+
+    def __init__(
+        self,
+        n: int,
+        inverse: Inverse = DEFAULT,
+        joint_weights: Sequence[float] | None = None,
+        objective: Objective | None = None,
+    ) -> None:
+        if objective is None:
+            raise InvalidValue(
+                'solver.objective.type', NO_VALUE, f'one of {listed(OBJECTIVE_TYPES)}'
+            )
+        super().__init__(n, inverse, joint_weights, objective)
+
+    def prepare(
+        self, levels: Levels, jacobian_at: Callable[[Vector], Matrix] | None = None
+    ) -> None:
+        """Get ready for levels; see `Solver.prepare`."""
+        super().prepare(levels, jacobian_at)
+        self._J = np.vstack([np.zeros((self.k, self.n)), np.eye(self.n)])
+        self._velocity = np.zeros(self.k + self.n)
+        self._starts = np.append(self._starts, self.k + self.n)
+
+    def _set_rules(self) -> None:
+        super()._set_rules()
+        self._damping, self._region = np.append(self._damping, 0.0), np.append(self._region, 1.0)
+
+    def solve(self, J: Matrix, velocity: Vector, qd: Vector) -> None:
+        """Write the joint velocity (n,) to ``qd``; see `Solver.solve`."""
+        self._J[: self.k] = J
+        self._velocity[: self.k] = velocity
+        assert self.objective is not None
+        self.objective.climb(self._velocity[self.k :])
+        self._resolve(self._J, self._velocity, qd)
