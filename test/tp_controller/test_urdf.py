@@ -1,8 +1,10 @@
+import sys
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from urdf_reference import descriptions, poses
+from urdf_reference import descriptions, jacobian, poses
 
 from tp_controller import InvalidValue
 from tp_controller.robot import read_description, urdf_robot
@@ -73,6 +75,18 @@ def test_jacobians_agree_with_finite_differences(case, data):
         W = (after[:3, :3] - before[:3, :3]) / (2.0 * H) @ robot.frame(name).rotation.T
         np.testing.assert_allclose(J[:3, i], linear, atol=1e-6)
         np.testing.assert_allclose(J[3:, i], [W[2, 1], W[0, 2], W[1, 0]], atol=1e-6)
+
+
+@given(descriptions(), st.data())
+def test_jacobians_agree_with_the_axes_of_the_joints(case, data):
+    text, joints = case
+    robot = urdf_robot(text, joints)
+    q = np.array([data.draw(st.floats(-3.0, 3.0)) for _ in joints])
+    robot.update(q)
+    expected = poses(text, dict(zip(joints, q, strict=True)))
+    for name in robot.frames:
+        J = jacobian(text, expected, name, joints)
+        np.testing.assert_allclose(robot.frame(name).jacobian, J, rtol=0.0, atol=1e-9)
 
 
 def test_without_names_all_movable_joints_are_controlled_in_the_order_of_the_file():
@@ -175,3 +189,21 @@ def test_descriptions_are_read_from_paths_and_packages(tmp_path, monkeypatch):
         with pytest.raises(InvalidValue, match=r'robot\.urdf: got ') as error:
             read_description(path)
         assert got in error.value.got
+
+
+def test_packages_of_ros_go_before_those_of_python(tmp_path, monkeypatch):
+    ros, modules, prefix = (tmp_path / name for name in ('ros', 'modules', 'prefix'))
+    monkeypatch.setenv('AMENT_PREFIX_PATH', str(ros))
+    monkeypatch.setattr(sys, 'path', ['/nowhere', str(modules)])
+    monkeypatch.setattr(sys, 'prefix', str(prefix))
+    for place in (prefix, modules / 'cmeel.prefix', ros):
+        folder = place / 'share' / 'my_arm'
+        folder.mkdir(parents=True)
+        (folder / 'arm.urdf').write_text(str(place))
+        assert read_description('package://my_arm/arm.urdf') == str(place)
+    with pytest.raises(InvalidValue) as error:
+        read_description('package://my_leg/arm.urdf')
+    assert str(error.value) == (
+        "robot.urdf: got the package 'my_leg'; "
+        'accepts a package in AMENT_PREFIX_PATH or of this Python'
+    )

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -46,7 +47,8 @@ def read_description(path: str) -> str:
     Parameters
     ----------
     path
-        A path, or ``package://<package>/<path>`` in the share folder of a ROS package.
+        A path, or ``package://<package>/<path>`` in the share folder of a ROS package or of
+        a wheel such as example-robot-data.
 
     Raises
     ------
@@ -65,12 +67,22 @@ def read_description(path: str) -> str:
 
 
 def _share(package: str) -> Path:
-    """Share folder of a ROS package."""
-    for prefix in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep):
-        share = Path(prefix) / 'share' / package
-        if prefix and share.is_dir():
+    """Share folder of a package."""
+    for prefix in _prefixes():
+        share = prefix / 'share' / package
+        if share.is_dir():
             return share
-    raise InvalidValue(KEY, f'the package {shown(package)}', 'a package in AMENT_PREFIX_PATH')
+    raise InvalidValue(
+        KEY, f'the package {shown(package)}', 'a package in AMENT_PREFIX_PATH or of this Python'
+    )
+
+
+def _prefixes() -> Iterator[Path]:
+    """Folders that packages are installed into: those of ROS first, then those of Python."""
+    yield from map(Path, filter(None, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)))
+    # Wheels of robotics libraries, Pinocchio's among them, share a prefix beside the modules.
+    yield from (Path(folder) / 'cmeel.prefix' for folder in sys.path)
+    yield Path(sys.prefix)
 
 
 def urdf_robot(
