@@ -27,6 +27,7 @@ setup(
     entry_points={
         'console_scripts': [
             'simulator = tp_sim.simulator_main:main',
+            'compare = tp_sim.compare:main',
             'demo = tp_sim.demo.main:main',
         ],
     },

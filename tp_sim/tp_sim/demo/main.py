@@ -66,8 +66,7 @@ def _run(config: Path, out: Path, console: Console) -> int:
         for number, goals in enumerate(script.goals, start=1):
             leg = Leg(loop, goals)
             progress.begin(f'goal {number} of {len(script.goals)}: {leg.text}', loop.state)
-            loop.run(script.seconds_per_goal)
-            leg.finish(loop)
+            leg.run(loop, script.seconds_per_goal)
             legs.append(leg)
         record = loop.record
         tasks = loop.state.tasks

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.parameters import NUMBER, REQUIRED, TEXTS, Parameter, flatten, read_all
@@ -14,7 +18,8 @@ from tp_sim.harness import ClosedLoop, read_document
 DEMO: Mapping[str, Parameter] = {
     'goals': Parameter(
         TEXTS,
-        'Goals one after the other, each "<task> <values>"; "; " joins goals sent together',
+        'Goals one after the other, each "<task> <values>" or "<task> circle <radius [m]> '
+        '<period [s]>"; "; " joins goals sent together',
         default=REQUIRED,
     ),
     'seconds_per_goal': Parameter(NUMBER, 'Time [s] for each', default=8.0, above=0.0),
@@ -27,8 +32,33 @@ DEMO: Mapping[str, Parameter] = {
 }
 """Parameters of the demo, block ``tp_demo`` of a parameter file."""
 
-Goal = tuple[str, list[float]]
-"""Task name and values."""
+
+Array = NDArray[np.float64]
+
+
+class Circle(NamedTuple):
+    """A target that goes round in the plane of a position task's first two axes.
+
+    It begins where the task is, at the circle's point of largest first coordinate.
+    """
+
+    radius: float
+    """[m]."""
+    period: float
+    """[s]."""
+
+    def at(self, start: Sequence[float] | Array, time: float) -> tuple[list[float], list[float]]:
+        """Target and its velocity, one value per axis [m, m/s], ``time`` [s] after the start."""
+        angle = math.tau * time / self.period
+        x, y = self.radius * math.cos(angle), self.radius * math.sin(angle)
+        speed = math.tau / self.period
+        rest = [float(value) for value in start[2:]]
+        target = [float(start[0]) - self.radius + x, float(start[1]) + y, *rest]
+        return target, [-speed * y, speed * x, *(0.0 for _ in rest)]
+
+
+Goal = tuple[str, list[float] | Circle]
+"""Task name, and the values or the path of its target."""
 
 
 class Script(NamedTuple):
@@ -54,6 +84,12 @@ class Script(NamedTuple):
                 raise InvalidValue(
                     'tp_demo.goals', f'the task {shown(name)}', f'one of {listed(stack.tasks)}'
                 )
+            if isinstance(values, Circle):
+                if stack.tasks[name].type != 'position' or stack.tasks[name].k < 2:
+                    raise InvalidValue(
+                        'tp_demo.goals', f'a circle for {name}', 'a position task of two axes'
+                    )
+                continue
             try:
                 stack.tasks[name].check_target(values)
             except InvalidValue as error:
@@ -81,13 +117,28 @@ def read_script(path: Path) -> Script:
 
 
 def _goal(text: str) -> Goal:
-    name, *values = text.split() or ['']
+    name, *words = text.split() or ['']
+    round_ = words[:1] == ['circle']
     try:
-        return name, [float(value) for value in values]
+        values = [float(word) for word in words[round_:]]
+        if not round_:
+            return name, values
+        radius, period = values
+        if radius > 0.0 and period > 0.0:
+            return name, Circle(radius, period)
     except ValueError:
-        raise InvalidValue(
-            'tp_demo.goals', shown(text), 'a task name followed by numbers'
-        ) from None
+        pass
+    accepts = 'a task name followed by numbers, or by circle, a radius and a period above 0'
+    raise InvalidValue('tp_demo.goals', shown(text), accepts)
+
+
+def goal_text(goals: list[Goal]) -> str:
+    """Goals in words, as in a parameter file."""
+    return '; '.join(
+        f'{name} {"circle " if isinstance(values, Circle) else ""}'
+        + ' '.join(f'{value:g}' for value in values)
+        for name, values in goals
+    )
 
 
 class Leg:
@@ -108,21 +159,38 @@ class Leg:
     """
 
     def __init__(self, loop: ClosedLoop, goals: list[Goal]) -> None:
+        self._circles = {
+            name: (circle, list(loop.client.task(name).current))
+            for name, circle in goals
+            if isinstance(circle, Circle)
+        }
         for name, values in goals:
-            loop.send_goal(name, values)
+            if not isinstance(values, Circle):
+                loop.send_goal(name, values)
         self.tasks = [name for name, _ in goals]
-        self.text = '; '.join(
-            f'{name} {" ".join(f"{value:g}" for value in values)}' for name, values in goals
-        )
+        self.text = goal_text(goals)
         self.start = self.end = loop.time
+        self.desired: dict[str, list[float]] = {}
+        self.errors: dict[str, float] = {}
+
+    def run(self, loop: ClosedLoop, seconds: float) -> None:
+        """Let the loop run for a time [s], with targets on their circles where they move."""
+        while self._circles and (time := loop.time - self.start) < seconds - 1e-9:
+            for name, (circle, start) in self._circles.items():
+                target, velocity = circle.at(start, time)
+                loop.send_goal(name, target)
+                loop.send_feedforward(name, velocity)
+            loop.run_a_little()
+        if not self._circles:
+            loop.run(seconds)
+        self._finish(loop)
+
+    def _finish(self, loop: ClosedLoop) -> None:
+        """Take the targets and the errors at the end."""
+        self.end = loop.time
         self.desired = {
             task.name: list(task.desired) for task in loop.state.tasks if task.name in self.tasks
         }
-        self.errors: dict[str, float] = {}
-
-    def finish(self, loop: ClosedLoop) -> None:
-        """Take the errors at the end."""
-        self.end = loop.time
         self.errors = {
             task.name: task.error_norm
             for task in loop.state.tasks

@@ -147,6 +147,13 @@ class ClosedLoop:
             self.step(min(steps, CHUNK))
             steps -= CHUNK
 
+    def run_a_little(self) -> None:
+        """Let one cycle pass in lockstep, else a fiftieth of a second: for moving targets."""
+        if self._lockstep:
+            self.step()
+        else:
+            self.client.spin_for(0.02)
+
     def step(self, steps: int = 1) -> None:
         """Integrate that many steps in lockstep, and wait until all are recorded.
 
