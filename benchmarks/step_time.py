@@ -23,7 +23,7 @@ from tp_controller.rotations import quaternion_from_rotation
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
-PINK = ROOT / 'out' / 'pink'
+PINK = ROOT / '.venv-pink'
 URDF = 'package://example-robot-data/robots/panda_description/urdf/panda.urdf'
 JOINTS = [f'panda_joint{i + 1}' for i in range(7)]
 FRAME = 'panda_hand_tcp'
@@ -129,7 +129,7 @@ def _pink_python() -> str:
     state = f'{PINK}\n{wanted.read_text(encoding="utf-8")}{lock.read_text(encoding="utf-8")}'
     made = PINK / 'state'
     if not made.exists() or made.read_text(encoding='utf-8') != state:
-        print('installing Pink into out/pink', flush=True)
+        print('installing Pink into .venv-pink', flush=True)
         subprocess.run([sys.executable, '-m', 'venv', '--clear', PINK], check=True)
         subprocess.run(
             [python, '-m', 'pip', 'install', '--quiet', '-r', wanted, '-c', lock], check=True
