@@ -66,7 +66,7 @@ class Stack:
         self.robot = robot
         self.solver = solver
         self.tasks = {task.name: task for task in tasks}
-        self._unaimed = list(self.tasks.values())
+        self._unaimed = [task for task in self.tasks.values() if task.target_size]
         self._held: list[Task] = []
         self._qd: Vector = np.zeros(robot.n)
         self._command = _read_only(self._qd)

@@ -87,6 +87,8 @@ class Robot:
             for i, frame in enumerate(model.frames)
             if frame.type in LINKS
         }
+        self.base: Frame = Frame.standing(base_frame, self.n)
+        """The base frame itself, which never moves."""
         self._lines = lines
         self.update(self._q)
 
@@ -175,6 +177,16 @@ class Frame:
         """Orientation (3, 3) in the base frame; a read-only view."""
         self.position.flags.writeable = False
         self.rotation.flags.writeable = False
+
+    @classmethod
+    def standing(cls, name: str, n: int) -> Frame:
+        """Frame at the origin that none of the n joints moves."""
+        model = pin.Model()
+        frame = cls(model, model.createData(), 0)
+        frame.name = name
+        frame._jacobian = np.zeros((6, n))
+        frame._hessian = np.zeros((6, n, n))
+        return frame
 
     @property
     def jacobian(self) -> Matrix:

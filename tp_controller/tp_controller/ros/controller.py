@@ -69,6 +69,8 @@ class ControllerNode(Node):
         self._make_command_publisher(values['command.type'])
         self._state_publisher = self.create_publisher(ControllerState, '~/state', QUEUE_DEPTH)
         for task in self._stack.tasks.values():
+            if task.type not in GOAL_TYPES:
+                continue
             self.create_subscription(
                 GOAL_TYPES[task.type], f'~/{task.name}/goal', partial(self._on_goal, task), 10
             )

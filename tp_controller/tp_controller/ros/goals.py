@@ -29,16 +29,18 @@ GOAL_TYPES: dict[str, type] = {
     'position': PointStamped,
     'orientation': QuaternionStamped,
     'pose': PoseStamped,
+    'gaze': PointStamped,
     'joint': JointState,
+    'posture': JointState,
 }
-"""Message that carries the goal of each task type."""
+"""Message that carries the goal of each task type that has one."""
 
 _FINITE = 'finite numbers'
 
 
 def feedforward_type(task_type: str) -> type:
     """Message that carries the feedforward of a task type."""
-    return JointState if task_type == 'joint' else TwistStamped
+    return JointState if GOAL_TYPES[task_type] is JointState else TwistStamped
 
 
 class GoalReader:
@@ -76,11 +78,12 @@ class GoalReader:
             values = np.zeros(task.k) if task.target is None else task.target
             return task.check_target(task.with_joints(values, msg.name, msg.position))
         assert isinstance(task, FrameTask)
-        frame = self._frame(msg.header.frame_id)
+        source, seen = self._frame(msg.header.frame_id, task), task.reference
         position, rotation = _pose(msg)
-        if frame is not None:
-            position = frame.position + frame.rotation @ position
-            rotation = frame.rotation @ rotation
+        if source is not seen:
+            position = source.position + source.rotation @ position - seen.position
+            position = seen.rotation.T @ position
+            rotation = seen.rotation.T @ source.rotation @ rotation
         return task.check_target(task.target_from_pose(position, rotation))
 
     def feedforward(
@@ -98,26 +101,27 @@ class GoalReader:
         if isinstance(task, JointTask):
             return task.check_feedforward(task.with_joints(configured, msg.name, msg.velocity))
         assert isinstance(task, FrameTask)
-        frame = self._frame(msg.header.frame_id)
+        source = self._frame(msg.header.frame_id, task)
         v, w = msg.twist.linear, msg.twist.angular
         twist = _finite('feedforward', [v.x, v.y, v.z, w.x, w.y, w.z])
-        if frame is not None:
-            twist = np.concatenate([frame.rotation @ twist[:3], frame.rotation @ twist[3:]])
+        if source is not task.axes:
+            A = task.axes.rotation.T @ source.rotation
+            twist = np.concatenate([A @ twist[:3], A @ twist[3:]])
         return task.feedforward_from_twist(twist)
 
-    def _frame(self, frame_id: str) -> Frame | None:
-        """Frame that the message is given in, None for the base frame."""
-        robot = self._robot
-        if frame_id in ('', robot.base_frame):
-            return None
+    def _frame(self, frame_id: str, task: FrameTask) -> Frame:
+        """Frame that the message is given in; the one that the task is seen from if empty."""
+        robot, seen = self._robot, task.reference
+        if frame_id in ('', seen.name):
+            return seen
         self._check_frame(frame_id)
         if not self.robot_seen:
             raise InvalidValue(
                 'header.frame_id',
                 f'{shown(frame_id)} before the first joint state',
-                f"'' or {robot.base_frame} until then",
+                f"'' or {seen.name} until then",
             )
-        return robot.frame(frame_id)
+        return robot.base if frame_id == robot.base_frame else robot.frame(frame_id)
 
     def _check_frame(self, frame_id: str) -> None:
         known = ('', self._robot.base_frame, *self._robot.frames)
@@ -162,7 +166,7 @@ def goal_message(task: TaskState, values: Sequence[float], frame_id: str = '') -
         As ``target`` in a parameter file: one per axis, joint or angle; a quaternion
         x, y, z, w for two or three rotation axes.
     frame_id
-        Frame that the values are given in; empty for the base frame.
+        Frame that the values are given in; empty for the one that the task is seen from.
 
     Raises
     ------
@@ -205,7 +209,7 @@ def feedforward_message(
     if len(values) != len(rows):
         raise InvalidValue(task.name, f'{len(values)} values', f'{len(rows)}: {listed(rows)}')
     _finite(task.name, values)
-    if task.type == 'joint':
+    if feedforward_type(task.type) is JointState:
         msg = JointState(name=rows, velocity=[float(value) for value in values])
     else:
         msg = TwistStamped()
@@ -218,31 +222,32 @@ def feedforward_message(
 
 def _form(task: TaskState) -> tuple[list[str], Callable[[Any, list[float]], None]]:
     """What the values of a goal are called, and how they are put into its message."""
-    if task.type == 'joint':
+    names = list(task.target_components)
+    if GOAL_TYPES[task.type] is JointState:
 
         def fill_joints(msg: JointState, values: list[float]) -> None:
-            msg.name, msg.position = list(task.components), values
+            msg.name, msg.position = names, values
 
-        return [f'{name} [rad or m]' for name in task.components], fill_joints
-    position_axes = [label for label in task.components if len(label) == 1]
-    rotation_axes = [label for label in task.components if len(label) == 2]
-    words = [f'{axis} [m]' for axis in position_axes]
-    if len(rotation_axes) == 1:
-        words.append(f'angle about {rotation_axes[0][1]} [rad]')
-    elif rotation_axes:
-        words += ['quaternion x', 'y', 'z', 'w']
+        return [f'{name} [rad or m]' for name in names], fill_joints
 
     def fill(msg: Any, values: list[float]) -> None:
         pose = getattr(msg, 'pose', None)
         point: Any = pose.position if pose else getattr(msg, 'point', None)
         quaternion: Any = pose.orientation if pose else getattr(msg, 'quaternion', None)
-        for axis, value in zip(position_axes, values, strict=False):
-            setattr(point, axis, value)
-        rotation = values[len(position_axes) :]
-        if len(rotation) == 1:
-            setattr(quaternion, rotation_axes[0][1], float(np.sin(rotation[0] / 2.0)))
-            quaternion.w = float(np.cos(rotation[0] / 2.0))
-        elif rotation:
-            quaternion.x, quaternion.y, quaternion.z, quaternion.w = rotation
+        for name, value in zip(names, values, strict=True):
+            if name in ('x', 'y', 'z'):
+                setattr(point, name, value)
+            elif name.startswith('q'):
+                setattr(quaternion, name[1], value)
+            else:
+                setattr(quaternion, name[1], float(np.sin(value / 2.0)))
+                quaternion.w = float(np.cos(value / 2.0))
 
-    return words, fill
+    return [_word(name) for name in names], fill
+
+
+def _word(name: str) -> str:
+    """What a value of a target is, for messages."""
+    if name in ('x', 'y', 'z'):
+        return f'{name} [m]'
+    return f'quaternion {name[1]}' if name.startswith('q') else f'angle about {name[1]} [rad]'

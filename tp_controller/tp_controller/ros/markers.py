@@ -57,15 +57,25 @@ class Markers:
                 self._marker(stamp, 'path', i, Marker.LINE_STRIP, list(path), 0.3 * width, BLUE)
             )
         targets = [
-            _point(_target(task, self._robot.frame(task.frame).position))
+            _point(self._target(task))
             for task in controlled
-            if task.type in ('position', 'pose')
+            if set(task.target_components) & set('xyz')
         ]
         # An empty list takes the targets of an earlier hierarchy away.
         markers.append(
             self._marker(stamp, 'target', 0, Marker.SPHERE_LIST, targets, 2.0 * width, ORANGE)
         )
         return MarkerArray(markers=markers)
+
+    def _target(self, task: TaskState) -> NDArray[np.float64]:
+        """Desired position in the base frame, along axes that are left free the present one."""
+        robot = self._robot
+        seen = robot.frame(task.relative_to) if task.relative_to else robot.base
+        target = seen.rotation.T @ (robot.frame(task.frame).position - seen.position)
+        for axis, value in zip(task.target_components, task.desired, strict=True):
+            if axis in ('x', 'y', 'z'):
+                target['xyz'.index(axis)] = value
+        return seen.position + seen.rotation @ target
 
     def _marker(
         self,
@@ -83,15 +93,6 @@ class Markers:
         marker.header.frame_id = self._robot.base_frame
         marker.scale.x = marker.scale.y = marker.scale.z = width
         return marker
-
-
-def _target(task: TaskState, current: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Desired position, along axes that the task leaves free the present one."""
-    target = current.copy()
-    for axis, value in zip(task.components, task.desired, strict=False):
-        if len(axis) == 1:
-            target['xyz'.index(axis)] = value
-    return target
 
 
 def _point(position: NDArray[np.float64]) -> Point:

@@ -88,10 +88,12 @@ class _TaskMessage:
             name=task.name,
             type=task.type,
             frame=task.frame_name,
+            relative_to=task.relative_to,
             components=list(task.components),
+            target_components=list(task.target_components),
         )
         self._desired = field_view(self.msg, 'desired', task.target_size, math.nan)
-        self._current = field_view(self.msg, 'current', task.target_size, math.nan)
+        self._current = field_view(self.msg, 'current', task.current.size, math.nan)
         self._error = field_view(self.msg, 'error', task.k, math.nan)
         self._requested = field_view(self.msg, 'requested_velocity', task.k)
         self._achieved = field_view(self.msg, 'achieved_velocity', task.k)
@@ -108,7 +110,7 @@ class _TaskMessage:
     def refresh_target(self) -> None:
         """Fill in the desired value, if there is one yet."""
         target = self._task.target
-        if target is not None:
+        if target is not None and target.size:
             self._desired[:] = target
 
     def refresh(self, stepped: bool = True) -> None:

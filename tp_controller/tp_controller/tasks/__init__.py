@@ -2,13 +2,25 @@
 
 from tp_controller.tasks.base import COMMON, Task
 from tp_controller.tasks.frame import FrameTask
+from tp_controller.tasks.gaze import GazeTask
 from tp_controller.tasks.joint import JointTask
+from tp_controller.tasks.manipulability import ManipulabilityTask
 from tp_controller.tasks.orientation import OrientationTask
 from tp_controller.tasks.pose import PoseTask
 from tp_controller.tasks.position import PositionTask
+from tp_controller.tasks.posture import PostureTask
 
 TASK_TYPES: dict[str, type[Task]] = {
-    task.type: task for task in (PositionTask, OrientationTask, PoseTask, JointTask)
+    task.type: task
+    for task in (
+        PositionTask,
+        OrientationTask,
+        PoseTask,
+        GazeTask,
+        JointTask,
+        PostureTask,
+        ManipulabilityTask,
+    )
 }
 """Task classes by the ``type`` of parameter files."""
 
@@ -16,9 +28,12 @@ __all__ = [
     'COMMON',
     'TASK_TYPES',
     'FrameTask',
+    'GazeTask',
     'JointTask',
+    'ManipulabilityTask',
     'OrientationTask',
     'PoseTask',
     'PositionTask',
+    'PostureTask',
     'Task',
 ]

@@ -105,14 +105,24 @@ class Task(ABC):
         return ''
 
     @property
+    def relative_to(self) -> str:
+        """Name of the frame that the task is seen from, empty for the base."""
+        return ''
+
+    @property
     @abstractmethod
+    def target_components(self) -> tuple[str, ...]:
+        """Name of each value of a target: x y z, an angle rx ry or rz, qx qy qz qw, joints."""
+
+    @property
     def target_size(self) -> int:
-        """Number of values of a target."""
+        """Number of values of a target; 0 if the task has none."""
+        return len(self.target_components)
 
     @property
     @abstractmethod
     def current(self) -> Vector:
-        """Present value in the form of a target; a copy."""
+        """Present value, in the form of a target if the task has one; a copy."""
 
     @abstractmethod
     def update(self) -> None:
@@ -140,6 +150,8 @@ class Task(ABC):
         InvalidValue
             For a wrong number of values or one that is not finite.
         """
+        if not self.target_size:
+            raise InvalidValue('target', shown(values), f'none: a {self.type} task has no target')
         if len(values) != self.target_size:
             self._refuse_target(values)
         target = np.array(values, dtype=float)

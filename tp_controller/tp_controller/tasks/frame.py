@@ -1,23 +1,39 @@
-"""What the tasks of a frame share: rows of its twist, and axes by letter."""
+"""What the tasks of a frame share: rows of its twist, and the frames they are seen from."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import InvalidValue, shown
-from tp_controller.robot import Robot
+from tp_controller.errors import InvalidValue, listed, shown
+from tp_controller.parameters import REQUIRED, TEXT, Parameter
+from tp_controller.robot import Frame, Robot
 from tp_controller.tasks.base import Task
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
+LABELS = ('x', 'y', 'z', 'rx', 'ry', 'rz')
+"""Names of the rows of a twist [v; ω]."""
+
+FRAME: Mapping[str, Parameter] = {
+    'frame': Parameter(TEXT, 'Controlled frame', default=REQUIRED),
+}
+VIEW: Mapping[str, Parameter] = {
+    'relative_to': Parameter(
+        TEXT, 'Frame that target, position and rotation are seen from; the base when left out'
+    ),
+    'axes_frame': Parameter(
+        TEXT, 'Frame whose axes are the controlled ones; that of relative_to when left out'
+    ),
+}
+
 
 class FrameTask(Task):
-    """A task on the pose of one frame, by axes of the base frame.
+    """A task on the pose of one frame, as seen from another one.
 
     Parameters
     ----------
@@ -28,32 +44,109 @@ class FrameTask(Task):
     frame
         Name of the controlled frame.
     rows
-        Rows of the frame's twist [v; ω] that the task controls, 0 to 5.
+        Rows of the twist [v; ω] that the task controls, 0 to 5.
+    relative_to
+        Name of the frame that the pose is seen from; the base when left out.
+    axes_frame
+        Name of the frame along and about whose axes the rows are; that of ``relative_to``
+        when left out.
 
     Raises
     ------
     InvalidValue
-        If the robot has no such frame.
+        If the robot has no such frame, or a frame is to be seen from itself.
+
+    Attributes
+    ----------
+    frame
+        The controlled frame.
+    reference
+        The frame that it is seen from.
+    axes
+        The frame along and about whose axes the rows are.
     """
 
-    def __init__(self, name: str, robot: Robot, frame: str, rows: Sequence[int]) -> None:
-        labels = ('x', 'y', 'z', 'rx', 'ry', 'rz')
-        super().__init__(name, robot, [labels[row] for row in rows])
+    def __init__(
+        self,
+        name: str,
+        robot: Robot,
+        frame: str,
+        rows: Sequence[int],
+        relative_to: str | None = None,
+        axes_frame: str | None = None,
+    ) -> None:
+        super().__init__(name, robot, [LABELS[row] for row in rows])
         self.frame = robot.frame(frame)
+        self.reference = _seen_from(robot, 'relative_to', relative_to, robot.base)
+        self.axes = _seen_from(robot, 'axes_frame', axes_frame, self.reference)
+        if relative_to == frame:
+            others = (robot.base_frame, *(other for other in robot.frames if other != frame))
+            raise InvalidValue('relative_to', shown(relative_to), f'one of {listed(others)}')
         self.rows = np.array(rows)
+        self._from_base = self.reference is robot.base
+        self._own_axes = self.axes is not self.reference
 
     @property
     def frame_name(self) -> str:
         """Name of the controlled frame."""
         return self.frame.name
 
+    @property
+    def relative_to(self) -> str:
+        """Name of the frame that it is seen from, empty for the base."""
+        return '' if self._from_base else self.reference.name
+
     @abstractmethod
     def target_from_pose(self, position: Vector, rotation: Matrix) -> Vector:
-        """Target (target_size,) that a pose in the base frame stands for."""
+        """Target (target_size,) that a pose in the reference frame stands for."""
 
     def feedforward_from_twist(self, twist: Vector) -> Vector:
-        """Task velocity (k,) that a twist (6,) [v; ω] in the base frame stands for."""
+        """Task velocity (k,) that a twist (6,) [v; ω] along the task's axes stands for."""
         return twist[self.rows]
+
+    def _position(self) -> Vector:
+        """Position (3,) [m] of the frame as seen from the reference."""
+        if self._from_base:
+            return self.frame.position
+        return self.reference.rotation.T @ (self.frame.position - self.reference.position)
+
+    def _rotation(self) -> Matrix:
+        """Rotation (3, 3) of the frame as seen from the reference."""
+        if self._from_base:
+            return self.frame.rotation
+        return self.reference.rotation.T @ self.frame.rotation
+
+    def _linear(self) -> Matrix:
+        """Jacobian (3, n) of the position as seen from the reference."""
+        if self._from_base:
+            return self.frame.jacobian[:3]
+        way = self.frame.position - self.reference.position
+        moved = self.frame.jacobian[:3] - self.reference.jacobian[:3]
+        # The reference turns under the way to the frame.
+        moved += np.cross(way, self.reference.jacobian[3:], axisb=0).T
+        return self.reference.rotation.T @ moved
+
+    def _angular(self, frame: Frame) -> Matrix:
+        """Jacobian (3, n) of a frame's angular velocity as seen from the reference."""
+        if self._from_base:
+            return frame.jacobian[3:]
+        return self.reference.rotation.T @ (frame.jacobian[3:] - self.reference.jacobian[3:])
+
+    def _axes_rotation(self) -> Matrix:
+        """Rotation (3, 3) of the axes as seen from the reference."""
+        return self.reference.rotation.T @ self.axes.rotation
+
+
+def _seen_from(robot: Robot, key: str, name: str | None, otherwise: Frame) -> Frame:
+    if name is None:
+        return otherwise
+    if name == robot.base_frame:
+        return robot.base
+    try:
+        return robot.frame(name)
+    except InvalidValue as error:
+        accepts = f'{robot.base_frame} or {error.accepts}'
+        raise InvalidValue(key, error.got, accepts) from None
 
 
 def axis_rows(key: str, axes: str, first: int = 0) -> list[int]:

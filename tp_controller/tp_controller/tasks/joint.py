@@ -55,9 +55,9 @@ class JointTask(Task):
         return cls(name, robot, values['joints'])
 
     @property
-    def target_size(self) -> int:
-        """One value per joint."""
-        return self.k
+    def target_components(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return self.components
 
     @property
     def current(self) -> Vector:

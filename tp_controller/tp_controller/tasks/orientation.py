@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, shown
-from tp_controller.parameters import REQUIRED, TEXT, Parameter
+from tp_controller.parameters import TEXT, Parameter
 from tp_controller.robot import Robot
 from tp_controller.rotations import (
     heading,
@@ -19,19 +19,23 @@ from tp_controller.rotations import (
     rotation_from_quaternion,
     wrap,
 )
-from tp_controller.tasks.frame import FrameTask, axis_rows
+from tp_controller.tasks.frame import FRAME, VIEW, FrameTask, axis_rows
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 
-class OrientationTask(FrameTask):
-    """Turns a frame to a desired orientation, about chosen base axes.
+QUATERNION = ('qx', 'qy', 'qz', 'qw')
 
-    With one axis the variable is the `heading` about it, an angle, and the error is
-    wrapped. With two or three it is the rotation, its target a quaternion x, y, z, w, and
-    the error is the chosen components of ``log(R_des Rᵀ)``; ``J`` has the rows of the
-    frame's angular velocity.
+
+class OrientationTask(FrameTask):
+    """Turns a frame to a desired orientation, about chosen axes.
+
+    With one axis of the reference frame the variable is the `heading` about it, an angle,
+    and the error is wrapped. Else it is the rotation, its target a quaternion x, y, z, w,
+    and the error the chosen components of ``log(R_des Rᵀ)`` along the axes of the reference
+    or of ``axes_frame``; ``J`` has the rows of the angular velocity along the same axes.
+    The target and R are seen from the reference frame.
 
     Parameters
     ----------
@@ -42,18 +46,33 @@ class OrientationTask(FrameTask):
     frame
         Name of the controlled frame.
     axes
-        Letters of the controlled base axes.
+        Letters of the controlled axes.
+    relative_to
+        Name of the reference frame; the base when left out.
+    axes_frame
+        Name of the frame whose axes are meant; the reference when left out.
     """
 
     type = 'orientation'
     parameters: ClassVar[Mapping[str, Parameter]] = {
-        'frame': Parameter(TEXT, 'Controlled frame', default=REQUIRED),
-        'axes': Parameter(TEXT, 'Controlled axes of the base frame, out of xyz', default='xyz'),
+        **FRAME,
+        'axes': Parameter(TEXT, 'Controlled axes, out of xyz', default='xyz'),
+        **VIEW,
     }
 
-    def __init__(self, name: str, robot: Robot, frame: str, axes: str = 'xyz') -> None:
-        super().__init__(name, robot, frame, axis_rows('axes', axes, first=3))
+    def __init__(
+        self,
+        name: str,
+        robot: Robot,
+        frame: str,
+        axes: str = 'xyz',
+        relative_to: str | None = None,
+        axes_frame: str | None = None,
+    ) -> None:
+        rows = axis_rows('axes', axes, first=3)
+        super().__init__(name, robot, frame, rows, relative_to, axes_frame)
         self._axis = int(self.rows[0]) - 3
+        self._is_heading = self.k == 1 and not self._own_axes
         self._R_des: Matrix = np.eye(3)
 
     @classmethod
@@ -61,27 +80,34 @@ class OrientationTask(FrameTask):
         cls, name: str, robot: Robot, values: Mapping[str, Any]
     ) -> OrientationTask:
         """Make the task from checked values."""
-        return cls(name, robot, values['frame'], values['axes'])
+        return cls(
+            name,
+            robot,
+            values['frame'],
+            values['axes'],
+            values.get('relative_to'),
+            values.get('axes_frame'),
+        )
 
     @property
     def target_words(self) -> str:  # type: ignore[override]
         """What the values of a target are."""
-        return 'angle [rad]' if self.k == 1 else 'quaternion x y z w'
+        return 'angle [rad]' if self._is_heading else 'quaternion x y z w'
 
     @property
-    def target_size(self) -> int:
-        """One angle with one axis, else a quaternion."""
-        return 1 if self.k == 1 else 4
+    def target_components(self) -> tuple[str, ...]:
+        """One angle with one axis of the reference, else a quaternion."""
+        return self.components if self._is_heading else QUATERNION
 
     @property
     def current(self) -> Vector:
         """Present angle (1,) [rad] or quaternion x, y, z, w (4,); a copy."""
-        return self.target_from_pose(self.frame.position, self.frame.rotation)
+        return self.target_from_pose(np.zeros(3), self._rotation())
 
     def check_target(self, values: Sequence[float] | Vector) -> Vector:
         """As `Task.check_target`; a quaternion is brought to unit length."""
         target = super().check_target(values)
-        if self.k > 1:
+        if not self._is_heading:
             # Scaled first: the square of a tiny or huge component leaves the range of floats.
             largest = np.abs(target).max()
             if largest == 0.0:
@@ -98,7 +124,7 @@ class OrientationTask(FrameTask):
     @target.setter
     def target(self, values: Sequence[float] | Vector) -> None:
         self._target = self.check_target(values)
-        if self.k > 1:
+        if not self._is_heading:
             self._R_des = rotation_from_quaternion(self._target)
 
     def hold(self) -> None:
@@ -107,16 +133,20 @@ class OrientationTask(FrameTask):
 
     def target_from_pose(self, position: Vector, rotation: Matrix) -> Vector:
         """Angle (1,) or quaternion (4,) of the rotation (3, 3)."""
-        if self.k == 1:
+        if self._is_heading:
             return np.array([heading(rotation, self._axis)])
         return quaternion_from_rotation(rotation)
 
     def update(self) -> None:
         """Compute `error` [rad] and `J` at the robot's present configuration."""
-        R = self.frame.rotation
-        if self.k == 1:
+        R = self._rotation()
+        if self._is_heading:
             self.error[0] = wrap(self._target[0] - heading(R, self._axis))
-            np.dot(heading_rows(R, self._axis), self.frame.jacobian[3:], out=self.J[0])
-        else:
-            self.error[:] = rotation_error(self._R_des, R)[self.rows - 3]
-            np.take(self.frame.jacobian, self.rows, axis=0, out=self.J)
+            np.dot(heading_rows(R, self._axis), self._angular(self.frame), out=self.J[0])
+            return
+        error, J = rotation_error(self._R_des, R), self._angular(self.frame)
+        if self._own_axes:
+            A = self._axes_rotation()
+            error, J = A.T @ error, A.T @ J
+        np.take(error, self.rows - 3, out=self.error)
+        np.take(J, self.rows - 3, axis=0, out=self.J)

@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.parameters import REQUIRED, TEXT, Parameter
+from tp_controller.parameters import TEXT, Parameter
 from tp_controller.robot import Robot
-from tp_controller.tasks.frame import FrameTask, axis_rows
+from tp_controller.tasks.frame import FRAME, VIEW, FrameTask, axis_rows
 from tp_controller.tasks.orientation import OrientationTask
 from tp_controller.tasks.position import PositionTask
 
@@ -33,18 +33,23 @@ class PoseTask(FrameTask):
     frame
         Name of the controlled frame.
     position_axes, orientation_axes
-        Letters of the controlled base axes.
+        Letters of the controlled axes.
+    relative_to
+        Name of the reference frame; the base when left out.
+    axes_frame
+        Name of the frame whose axes are meant; the reference when left out.
     """
 
     type = 'pose'
     parameters: ClassVar[Mapping[str, Parameter]] = {
-        'frame': Parameter(TEXT, 'Controlled frame', default=REQUIRED),
+        **FRAME,
         'position_axes': Parameter(
             TEXT, 'Controlled axes of the position, out of xyz', default='xyz'
         ),
         'orientation_axes': Parameter(
             TEXT, 'Controlled axes of the orientation, out of xyz', default='xyz'
         ),
+        **VIEW,
     }
 
     def __init__(
@@ -54,49 +59,58 @@ class PoseTask(FrameTask):
         frame: str,
         position_axes: str = 'xyz',
         orientation_axes: str = 'xyz',
+        relative_to: str | None = None,
+        axes_frame: str | None = None,
     ) -> None:
         position_rows = axis_rows('position_axes', position_axes)
         orientation_rows = axis_rows('orientation_axes', orientation_axes, first=3)
-        super().__init__(name, robot, frame, position_rows + orientation_rows)
-        self._split = len(position_rows)
-        self._position = PositionTask(name, robot, frame, position_axes)
-        self._orientation = OrientationTask(name, robot, frame, orientation_axes)
-        self._position.error = self.error[: self._split]
-        self._orientation.error = self.error[self._split :]
+        views = relative_to, axes_frame
+        super().__init__(name, robot, frame, position_rows + orientation_rows, *views)
+        self._place = PositionTask(name, robot, frame, position_axes, *views)
+        self._turn = OrientationTask(name, robot, frame, orientation_axes, *views)
+        self._place.error = self.error[: self._place.k]
+        self._turn.error = self.error[self._place.k :]
+        self._split = self._place.target_size
         self.place(self.J)
 
     def place(self, J: Matrix) -> None:
         """Keep the Jacobian in a given array (k, n) from now on."""
         super().place(J)
-        self._position.place(J[: self._split])
-        self._orientation.place(J[self._split :])
+        self._place.place(J[: self._place.k])
+        self._turn.place(J[self._place.k :])
 
     @classmethod
     def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> PoseTask:
         """Make the task from checked values."""
         return cls(
-            name, robot, values['frame'], values['position_axes'], values['orientation_axes']
+            name,
+            robot,
+            values['frame'],
+            values['position_axes'],
+            values['orientation_axes'],
+            values.get('relative_to'),
+            values.get('axes_frame'),
         )
 
     @property
     def target_words(self) -> str:  # type: ignore[override]
         """What the values of a target are."""
-        return f'{self._position.target_words}, then {self._orientation.target_words}'
+        return f'{self._place.target_words}, then {self._turn.target_words}'
 
     @property
-    def target_size(self) -> int:
+    def target_components(self) -> tuple[str, ...]:
         """Values of the position, then those of the orientation."""
-        return self._position.target_size + self._orientation.target_size
+        return self._place.target_components + self._turn.target_components
 
     @property
     def current(self) -> Vector:
         """Present position values, then orientation values; a copy."""
-        return np.concatenate([self._position.current, self._orientation.current])
+        return np.concatenate([self._place.current, self._turn.current])
 
     def check_target(self, values: Sequence[float] | Vector) -> Vector:
         """As `Task.check_target`; a quaternion is brought to unit length."""
         target = super().check_target(values)
-        target[self._split :] = self._orientation.check_target(target[self._split :])
+        target[self._split :] = self._turn.check_target(target[self._split :])
         return target
 
     @property
@@ -107,8 +121,8 @@ class PoseTask(FrameTask):
     @target.setter
     def target(self, values: Sequence[float] | Vector) -> None:
         self._target = self.check_target(values)
-        self._position.target = self._target[: self._split]
-        self._orientation.target = self._target[self._split :]
+        self._place.target = self._target[: self._split]
+        self._turn.target = self._target[self._split :]
 
     def hold(self) -> None:
         """Take the present pose as the target."""
@@ -118,12 +132,12 @@ class PoseTask(FrameTask):
         """Target of a pose, position values then orientation values."""
         return np.concatenate(
             [
-                self._position.target_from_pose(position, rotation),
-                self._orientation.target_from_pose(position, rotation),
+                self._place.target_from_pose(position, rotation),
+                self._turn.target_from_pose(position, rotation),
             ]
         )
 
     def update(self) -> None:
         """Compute `error` [m, rad] and `J` at the robot's present configuration."""
-        self._position.update()
-        self._orientation.update()
+        self._place.update()
+        self._turn.update()

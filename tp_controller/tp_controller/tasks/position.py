@@ -8,18 +8,21 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.parameters import REQUIRED, TEXT, Parameter
+from tp_controller.parameters import TEXT, Parameter
 from tp_controller.robot import Robot
-from tp_controller.tasks.frame import FrameTask, axis_rows
+from tp_controller.tasks.frame import FRAME, LABELS, VIEW, FrameTask, axis_rows
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 
 class PositionTask(FrameTask):
-    """Brings the origin of a frame to a point, along chosen base axes.
+    """Brings the origin of a frame to a point, along chosen axes.
 
-    ``error = p_des - p`` and ``J`` the rows of the frame's linear velocity.
+    ``error = p_des - p`` as seen from the reference frame, along its axes; the target has
+    one value per axis. With ``axes_frame`` the target has all three coordinates in the
+    reference frame and the error is seen along the axes of that frame, ``R_Xᵀ (p_des - p)``,
+    which may move with the robot. ``J`` is the rate of ``-error`` in every case.
 
     Parameters
     ----------
@@ -30,40 +33,74 @@ class PositionTask(FrameTask):
     frame
         Name of the controlled frame.
     axes
-        Letters of the controlled base axes.
+        Letters of the controlled axes.
+    relative_to
+        Name of the reference frame; the base when left out.
+    axes_frame
+        Name of the frame whose axes are meant; the reference when left out.
     """
 
     type = 'position'
     parameters: ClassVar[Mapping[str, Parameter]] = {
-        'frame': Parameter(TEXT, 'Controlled frame', default=REQUIRED),
-        'axes': Parameter(TEXT, 'Controlled axes of the base frame, out of xyz', default='xyz'),
+        **FRAME,
+        'axes': Parameter(TEXT, 'Controlled axes, out of xyz', default='xyz'),
+        **VIEW,
     }
     target_words = 'position per axis [m]'
 
-    def __init__(self, name: str, robot: Robot, frame: str, axes: str = 'xyz') -> None:
-        super().__init__(name, robot, frame, axis_rows('axes', axes))
+    def __init__(
+        self,
+        name: str,
+        robot: Robot,
+        frame: str,
+        axes: str = 'xyz',
+        relative_to: str | None = None,
+        axes_frame: str | None = None,
+    ) -> None:
+        super().__init__(name, robot, frame, axis_rows('axes', axes), relative_to, axes_frame)
+        # Along axes of its own the error needs all of the target.
+        self._targeted = np.arange(3) if self._own_axes else self.rows
 
     @classmethod
     def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> PositionTask:
         """Make the task from checked values."""
-        return cls(name, robot, values['frame'], values['axes'])
+        return cls(
+            name,
+            robot,
+            values['frame'],
+            values['axes'],
+            values.get('relative_to'),
+            values.get('axes_frame'),
+        )
 
     @property
-    def target_size(self) -> int:
-        """One value per axis."""
-        return self.k
+    def target_components(self) -> tuple[str, ...]:
+        """Letters of the axes that a target has values for."""
+        return tuple(LABELS[row] for row in self._targeted)
 
     @property
     def current(self) -> Vector:
-        """Present position per axis (k,) [m]; a copy."""
-        return self.frame.position[self.rows]
+        """Present position per axis [m]; a copy."""
+        return self._position()[self._targeted]
 
     def target_from_pose(self, position: Vector, rotation: Matrix) -> Vector:
-        """Coordinates of the position (3,) along the controlled axes."""
-        return position[self.rows]
+        """Coordinates of the position (3,) that a target has."""
+        return position[self._targeted]
 
     def update(self) -> None:
         """Compute `error` [m] and `J` at the robot's present configuration."""
-        np.take(self.frame.position, self.rows, out=self.error)
-        np.subtract(self._target, self.error, out=self.error)
-        np.take(self.frame.jacobian, self.rows, axis=0, out=self.J)
+        if self._from_base and not self._own_axes:
+            np.take(self.frame.position, self.rows, out=self.error)
+            np.subtract(self._target, self.error, out=self.error)
+            np.take(self.frame.jacobian, self.rows, axis=0, out=self.J)
+            return
+        way = self._target - self._position()[self._targeted]
+        if not self._own_axes:
+            self.error[:] = way
+            self.J[:] = self._linear()[self.rows]
+            return
+        A = self._axes_rotation()
+        # The axes turn under the way to the target.
+        turned = np.cross(way, self._angular(self.axes), axisb=0).T
+        self.error[:] = (A.T @ way)[self.rows]
+        self.J[:] = (A.T @ (self._linear() - turned))[self.rows]

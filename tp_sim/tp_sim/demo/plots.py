@@ -19,7 +19,7 @@ from tp_sim.harness import Record
 
 Array = NDArray[np.float64]
 
-UNITS = {'position': 'm', 'orientation': 'rad', 'joint': 'rad, m', 'pose': 'm, rad'}
+UNITS = {'position': 'm', 'orientation': 'rad', 'gaze': 'rad', 'pose': 'm, rad'}
 COLORS: Sequence[Any] = mpl.color_sequences['tab10']
 
 
@@ -146,9 +146,11 @@ def _draw_paths(axes: Axes, view: str, paths: Mapping[str, Array]) -> None:
 def _draw_targets(axes: Axes, view: str, tasks: Sequence[TaskState], legs: Sequence[Leg]) -> None:
     for number, leg in enumerate(legs):
         for task in tasks:
-            if task.name not in leg.desired or not set(view) <= set(task.components):
+            if task.name not in leg.desired or not set(view) <= set(task.target_components):
                 continue
-            desired = dict(zip(task.components, leg.desired[task.name], strict=False))
+            if task.relative_to:
+                continue
+            desired = dict(zip(task.target_components, leg.desired[task.name], strict=True))
             axes.plot(
                 desired[view[0]],
                 desired[view[1]],

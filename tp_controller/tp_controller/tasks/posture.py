@@ -1,0 +1,35 @@
+"""Positions of all joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+from tp_controller.parameters import Parameter
+from tp_controller.robot import Robot
+from tp_controller.tasks.joint import JointTask
+
+
+class PostureTask(JointTask):
+    """Brings all joints to a posture: a `JointTask` of every joint, in the robot's order.
+
+    On the lowest level it takes up whatever freedom is left.
+
+    Parameters
+    ----------
+    name
+        Name of the task.
+    robot
+        The robot that carries the task out.
+    """
+
+    type = 'posture'
+    parameters: ClassVar[Mapping[str, Parameter]] = {}
+
+    def __init__(self, name: str, robot: Robot) -> None:
+        super().__init__(name, robot, robot.joints)
+
+    @classmethod
+    def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> PostureTask:
+        """Make the task from checked values."""
+        return cls(name, robot)
