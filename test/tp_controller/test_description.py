@@ -4,6 +4,7 @@ import math
 from xml.etree import ElementTree
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -81,7 +82,10 @@ def test_limits_survive_the_description_and_absent_ones_stay_absent(case):
 def test_documents_have_what_other_tools_ask_for(case):
     """What urdfdom refuses else: limits with effort and velocity, materials that exist."""
     arm, _ = case
-    document = ElementTree.fromstring(dh_description(*arm))
+    text = dh_description(*arm)
+    model = pin.buildModelFromXML(text)
+    assert set(model.names) == {'universe', *arm[0]}
+    document = ElementTree.fromstring(text)
     for joint in document.findall('joint'):
         if joint.get('type') == 'fixed':
             continue
