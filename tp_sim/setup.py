@@ -29,6 +29,7 @@ setup(
             'simulator = tp_sim.simulator_main:main',
             'compare = tp_sim.compare:main',
             'demo = tp_sim.demo.main:main',
+            'description = tp_sim.description_main:main',
         ],
     },
 )

@@ -6,7 +6,13 @@ from planar_config import changed, dotted_parameters, nested_parameters
 from random_stacks import examples, parameters, states
 
 from tp_controller import InvalidValue, build_settings
-from tp_controller.config import SHARED, controller_schema
+from tp_controller.config import (
+    SHARED,
+    controller_schema,
+    describe_robot,
+    read_parameters,
+    robot_source,
+)
 from tp_controller.parameters import Parameter, flatten
 from tp_controller.tasks import COMMON, TASK_TYPES
 
@@ -193,3 +199,40 @@ def test_an_empty_block_is_refused_not_dropped():
 def test_a_value_given_nested_and_dotted_is_refused():
     with pytest.raises(InvalidValue, match=r'solver\.damping: got two values'):
         flatten({'solver': {'damping': 1.0}, 'solver.damping': 2.0})
+
+
+def test_a_description_takes_the_place_of_the_dh_parameters():
+    values, stack = build_settings(dotted_parameters())
+    text = describe_robot(values)
+    block = changed({'robot.dh.*': None, 'robot.joints': None})
+    for settings in (
+        build_settings(block, text),
+        build_settings(block | {'robot_description': text}, 'not looked at'),
+    ):
+        assert settings.values['robot.joints'] == ('joint_1', 'joint_2', 'joint_3')
+        assert describe_robot(settings.values, text) == text
+        expected = stack.step(Q).command
+        np.testing.assert_allclose(settings.stack.step(Q).command, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'source'),
+    [
+        ({}, 'robot.dh.theta'),
+        ({'robot.dh.*': None, 'robot.dh.a': [1.0]}, 'robot.dh.a'),
+        ({'robot.dh.*': None, 'robot.urdf': 'arm.urdf'}, 'robot.urdf'),
+        ({'robot.dh.*': None, 'robot_description': ''}, 'robot_description'),
+        ({'robot.dh.*': None}, None),
+    ],
+)
+def test_the_key_that_describes_the_robot_is_found(changes, source):
+    assert robot_source(changed(changes)) == source
+
+
+def test_without_a_robot_everything_else_is_checked():
+    block = changed({'robot.dh.*': None, 'robot.rest_positions.wrist': 0.5})
+    values = read_parameters(block)
+    assert values['robot.rest_positions.wrist'] == 0.5
+    assert values['tasks.tip.axes'] == 'xy'
+    with pytest.raises(InvalidValue, match=r'robot\.urfd: .*robot\.urdf \(did you mean'):
+        read_parameters(block | {'robot.urfd': 'arm.urdf'})

@@ -155,6 +155,19 @@ TABLE = [
     ({'tasks.turn.position_axes': 'x'}, 'tasks.turn.position_axes', ['tasks.turn.axes']),
     ({'robot.mass': 1.0}, 'robot.mass', ['an unknown parameter', 'robot.joints']),
     ({'tasks': 3}, 'tasks', ['an unknown parameter']),
+    ({'robot_description': '<robot/>'}, 'robot.dh.theta', ['beside robot_description']),
+    ({'robot.urdf': 'arm.urdf'}, 'robot.dh.theta', ['beside robot.urdf', 'one of the two']),
+    (
+        {'robot.dh.*': None, 'robot.urdf': 'arm.urdf', 'robot_description': '<robot/>'},
+        'robot.urdf',
+        ['beside robot_description'],
+    ),
+    ({'robot.dh.*': None}, 'robot', ['no value', 'robot.dh, robot.urdf or robot_description']),
+    ({'robot.dh.*': None, 'robot.dh.tehta': [0.0]}, 'robot.dh.tehta', ['robot.dh.theta (did']),
+    ({'robot.dh.*': None, 'robot_description': ''}, 'robot_description', ['malformed XML']),
+    ({'robot.dh.*': None, 'robot_description': 3}, 'robot_description', ['3', 'a text']),
+    ({'robot.dh.*': None, 'robot.mass': 1.0}, 'robot.mass', ['an unknown parameter']),
+    ({'robot.dh.*': None, 'hierarchy': ['nose']}, 'hierarchy', ["'nose'", 'tip, turn']),
 ]
 
 

@@ -107,6 +107,28 @@ def test_limits_come_from_the_description_unless_they_are_given():
     np.testing.assert_array_equal(given.position_max, [9.0, 9.0, 9.0])
 
 
+@pytest.mark.parametrize(
+    'part',
+    [
+        *('<dynamics/>', '<calibration/>', '<safety_controller/>', '<limit effort="much"/>'),
+        '<dynamics damping="a"/>',
+        '<unheard_of/>',
+    ],
+)
+def test_what_the_kinematics_do_not_need_is_not_read(part, capfd):
+    robot = urdf_robot(ARM.replace('<axis xyz="0 -1 0"/>', f'<axis xyz="0 -1 0"/>{part}'))
+    assert robot.joints == ('shoulder', 'elbow', 'grip')
+    assert capfd.readouterr() == ('', '')
+
+
+def test_limits_too_large_to_be_meant_are_none():
+    text = ARM.replace('lower="-1" upper="2"', 'lower="0" upper="1e16"')
+    limits = urdf_robot(text.replace('velocity="3"', 'velocity="1e9"')).limits
+    np.testing.assert_array_equal(limits.position_min, [-np.inf, 0.0, 0.0])
+    np.testing.assert_array_equal(limits.position_max, [np.inf, np.inf, 0.1])
+    np.testing.assert_array_equal(limits.velocity, [2.0, np.inf, 0.2])
+
+
 def test_everything_may_be_expressed_in_a_link_fixed_to_the_root():
     robot = urdf_robot(ARM, base_frame='base')
     np.testing.assert_allclose(robot.frame('lower').position, [1.0, 0.0, 0.0], atol=1e-12)
@@ -144,6 +166,9 @@ BAD = [
     ('<mimic joint="grip"/>', '<mimic joint="clip"/>', 'robot.urdf', "'clip'"),
     ('lower="-1" upper="2"', 'lower="2" upper="-1"', 'robot.limits.position_min', '2.0'),
     ('<link name="thumb"/>', '<link name="thumb"/>' * 2, 'robot.urdf', 'links'),
+    ('xyz="0 -1 0"', 'xyz="0 0 0"', 'robot.urdf', "axis '0 0 0'"),
+    ('xyz="0 -1 0"', '', 'robot.urdf', "axis ''"),
+    ('xyz="1 0 0"', 'xyz="1_0 0 0"', 'robot.urdf', "'1_0 0 0'"),
 ]
 
 

@@ -17,6 +17,10 @@ def robot(**changes):
     return {'/**': {'robot': changes}}
 
 
+def robot_left_out(changes):
+    return {'/**': {'robot': None}, 'tp_controller': changes}
+
+
 CONTROLLER = [
     (task(frame='link_9'), 'tasks.ee_position.frame', "'link_9'", 'link_1, link_2, link_3'),
     (task(target=[NAN, 0.5]), 'tasks.ee_position.target', 'nan', 'finite'),
@@ -42,6 +46,21 @@ CONTROLLER = [
     (robot(dh={'a': [0.75, 0.5]}), 'robot.dh.a', '2 values', '3 values'),
     (robot(limits={'velocity': [0.0]}), 'robot.limits.velocity', '[0.0]', 'above 0'),
     (robot(dh={'a': [0.75, 0.5, 1]}), 'robot.dh.a', 'mixes whole numbers', 'write 1.0 for 1'),
+    ({'/**': {'robot_description': '<robot/>'}}, 'robot.dh.theta', 'beside robot_desc', 'one of'),
+    (
+        {'/**': {'robot': None, 'robot_description': '<robot'}},
+        'robot_description',
+        'malformed XML',
+        'a URDF',
+    ),
+    # A controller without a robot would wait for one; this is wrong with every robot.
+    (
+        robot_left_out({'solver': {'dampling': 0.1}}),
+        'solver.dampling',
+        'unknown',
+        'solver.damping',
+    ),
+    (robot_left_out({'hierarchy': ['hand']}), 'hierarchy', "'hand'", 'ee_position'),
 ]
 
 SIMULATOR = [
@@ -55,6 +74,7 @@ SIMULATOR = [
     ),
     ({'tp_sim': {'rat': 60.0}}, 'rat', 'unknown parameter', 'rate'),
     ({'tp_sim': {'paused': True}}, 'paused', 'true without lockstep', 'lockstep: true'),
+    ({'/**': {'robot': None}, 'tp_sim': {'rate': 0.0}}, 'rate', '0.0', 'above 0'),
 ]
 
 
@@ -144,5 +164,5 @@ def test_a_file_without_a_block_for_the_node_is_refused_with_its_blocks(config, 
 
 def test_without_a_parameter_file_the_first_missing_key_is_named(domain):
     line = refusal('tp_controller', 'controller', None, domain)
-    assert 'robot.joints: got no value' in line
+    assert 'hierarchy: got no value' in line
     assert '--params-file' in line

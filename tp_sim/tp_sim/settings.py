@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from tp_controller.config import SHARED, build_robot, shared_schema
+from tp_controller.config import SHARED, build_robot, describe_robot, shared_schema
 from tp_controller.errors import InvalidValue
 from tp_controller.parameters import (
     BOOLEAN,
@@ -68,15 +68,22 @@ class SimulatorSettings(NamedTuple):
     """Name of the base frame."""
     integrator: Integrator
     """The joints."""
+    description: str
+    """URDF of the robot."""
 
 
-def build_simulator_settings(parameters: Mapping[str, Any]) -> SimulatorSettings:
-    """Build the simulated joints from the simulator's parameters.
+def read_simulator_parameters(parameters: Mapping[str, Any]) -> Flat:
+    """Check the simulator's parameters as far as that is possible without its robot.
 
     Parameters
     ----------
     parameters
         The dictionary under ``ros__parameters``, nested or with dotted keys.
+
+    Returns
+    -------
+    dict
+        Every parameter by dotted key, defaults filled in.
 
     Raises
     ------
@@ -87,8 +94,30 @@ def build_simulator_settings(parameters: Mapping[str, Any]) -> SimulatorSettings
     values = read_all(flat, simulator_schema(flat))
     if values['paused'] and not values['lockstep']:
         raise InvalidValue('paused', 'true without lockstep', 'true only with lockstep: true')
-    robot = build_robot(values)
+    return values
+
+
+def build_simulator_settings(
+    parameters: Mapping[str, Any], description: str | None = None
+) -> SimulatorSettings:
+    """Build the simulated joints from the simulator's parameters.
+
+    Parameters
+    ----------
+    parameters
+        The dictionary under ``ros__parameters``, nested or with dotted keys.
+    description
+        URDF of the robot for parameters that name none.
+
+    Raises
+    ------
+    InvalidValue
+        For anything that cannot be used, naming the full key.
+    """
+    values = read_simulator_parameters(parameters)
+    robot = build_robot(values, description)
+    text = describe_robot(values, description)
     values['robot.joints'], values['robot.base_frame'] = robot.joints, robot.base_frame
     q = values['initial_positions']
     integrator = Integrator([0.0] * robot.n if q is None else q, robot.limits)
-    return SimulatorSettings(values, robot.joints, robot.base_frame, integrator)
+    return SimulatorSettings(values, robot.joints, robot.base_frame, integrator, text)

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool
 
 from tp_controller.config.schema import COMMAND_TYPES
 from tp_controller.errors import InvalidValue, shown
 from tp_controller.ros.joint_states import JointStateReader
-from tp_controller.ros.parameters import describe_parameters, given_parameters
+from tp_controller.ros.parameters import describe_parameters
+from tp_controller.ros.robot_node import TOPIC, TOPIC_QOS, RobotNode
 from tp_interfaces.srv import Reset, Step
 from tp_sim.lockstep import Lockstep
-from tp_sim.settings import build_simulator_settings, simulator_schema
+from tp_sim.settings import (
+    build_simulator_settings,
+    read_simulator_parameters,
+    simulator_schema,
+)
 
 QUEUE_DEPTH = 100
 MESSAGE_TYPES = dict(zip(COMMAND_TYPES, (JointState, Float64MultiArray), strict=True))
@@ -29,12 +34,20 @@ TOPIC_TYPES = {
 }
 
 
-class SimulatorNode(Node):
+class SimulatorNode(RobotNode):
     """Integrates joint velocity commands and publishes joint states."""
 
     def __init__(self) -> None:
-        super().__init__('tp_sim', automatically_declare_parameters_from_overrides=True)
-        settings = build_simulator_settings(given_parameters(self))
+        super().__init__('tp_sim')
+        self.begin()
+
+    def check(self, given: Mapping[str, Any]) -> None:
+        """Check parameters as far as that is possible without the robot."""
+        read_simulator_parameters(given)
+
+    def start(self, given: Mapping[str, Any], description: str | None) -> None:
+        """Publish the first joint state and listen to commands."""
+        settings = build_simulator_settings(given, description)
         values = settings.values
         describe_parameters(self, simulator_schema(values), values)
         self._joints = settings.joints
@@ -47,6 +60,10 @@ class SimulatorNode(Node):
         self._msg = JointState(name=list(self._joints))
         self._msg.header.frame_id = settings.base_frame
 
+        if description is None:
+            # From the topic it is there already, by whoever knows the robot.
+            self._description_publisher = self.create_publisher(String, TOPIC, TOPIC_QOS)
+            self._description_publisher.publish(String(data=settings.description))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._publisher = self.create_publisher(JointState, 'joint_states', QUEUE_DEPTH)
         self._listen_for(values['command.type'] or COMMAND_TYPES[0])

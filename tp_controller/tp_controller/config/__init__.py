@@ -1,9 +1,16 @@
 """From the dictionary of a parameter file to a robot, tasks and a stack."""
 
-from tp_controller.config.build import Settings, build_robot, build_settings, build_stack
+from tp_controller.config.build import (
+    Settings,
+    build_robot,
+    build_settings,
+    build_stack,
+    describe_robot,
+    read_parameters,
+)
 from tp_controller.config.changes import check_changes
 from tp_controller.config.files import read_blocks, read_parameter_file
-from tp_controller.config.schema import SHARED, controller_schema, shared_schema
+from tp_controller.config.schema import SHARED, controller_schema, robot_source, shared_schema
 
 __all__ = [
     'SHARED',
@@ -13,7 +20,10 @@ __all__ = [
     'build_stack',
     'check_changes',
     'controller_schema',
+    'describe_robot',
     'read_blocks',
     'read_parameter_file',
+    'read_parameters',
+    'robot_source',
     'shared_schema',
 ]

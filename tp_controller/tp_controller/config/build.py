@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from tp_controller.config.schema import INVERSE, OBJECTIVE, REST, controller_schema, task_names
-from tp_controller.errors import InvalidValue
+from tp_controller.config.schema import (
+    DESCRIPTION,
+    INVERSE,
+    OBJECTIVE,
+    REST,
+    URDF,
+    controller_schema,
+    robot_source,
+    task_names,
+)
+from tp_controller.errors import NO_VALUE, InvalidValue, listed, shown
 from tp_controller.objectives import OBJECTIVE_TYPES, Objective
 from tp_controller.parameters import Flat, flatten, read_all
 from tp_controller.robot import (
     DHParameters,
     Limits,
     Robot,
+    dh_description,
     dh_robot,
     read_description,
     urdf_robot,
@@ -31,13 +41,42 @@ class Settings(NamedTuple):
     """The stack of tasks on its robot."""
 
 
-def build_settings(parameters: Mapping[str, Any]) -> Settings:
+def build_settings(parameters: Mapping[str, Any], description: str | None = None) -> Settings:
     """Build a controller's stack from its parameters.
 
     Parameters
     ----------
     parameters
         The dictionary under ``ros__parameters``, nested or with dotted keys.
+    description
+        URDF of the robot for parameters that name none.
+
+    Raises
+    ------
+    InvalidValue
+        For anything that cannot be used, naming the full key.
+    """
+    values = read_parameters(parameters)
+    robot = build_robot(values, description)
+    values['robot.joints'], values['robot.base_frame'] = robot.joints, robot.base_frame
+    stack = build_stack(robot, values)
+    for name, task in stack.tasks.items():
+        values[f'tasks.{name}.feedforward'] = tuple(task.feedforward)
+    return Settings(values, stack)
+
+
+def read_parameters(parameters: Mapping[str, Any]) -> Flat:
+    """Check a controller's parameters as far as that is possible without its robot.
+
+    Parameters
+    ----------
+    parameters
+        The dictionary under ``ros__parameters``, nested or with dotted keys.
+
+    Returns
+    -------
+    dict
+        Every parameter by dotted key, defaults filled in.
 
     Raises
     ------
@@ -46,28 +85,74 @@ def build_settings(parameters: Mapping[str, Any]) -> Settings:
     """
     flat = flatten(parameters)
     values = read_all(flat, controller_schema(flat))
-    robot = build_robot(values)
-    values['robot.joints'], values['robot.base_frame'] = robot.joints, robot.base_frame
-    stack = build_stack(robot, values)
-    for name, task in stack.tasks.items():
-        values[f'tasks.{name}.feedforward'] = tuple(task.feedforward)
-    return Settings(values, stack)
+    tasks = task_names(values)
+    for name in (name.strip() for level in values['hierarchy'] for name in level.split('+')):
+        if name not in tasks:
+            accepts = f'names out of {listed(tasks)}, joined by + on one level'
+            raise InvalidValue('hierarchy', shown(name), accepts)
+    return values
 
 
-def build_robot(values: Flat) -> Robot:
-    """Build the robot of checked ``robot.…`` values."""
+def describe_robot(values: Flat, received: str | None = None) -> str:
+    """URDF of checked ``robot.…`` values: given, read from a file, or made of DH parameters.
+
+    Parameters
+    ----------
+    values
+        The values by dotted key.
+    received
+        URDF for values that name no robot.
+
+    Raises
+    ------
+    InvalidValue
+        If there is none, or the DH parameters cannot be used.
+    """
+    source = robot_source(values)
+    if source is None:
+        if received is None:
+            raise InvalidValue('robot', NO_VALUE, 'robot.dh, robot.urdf or robot_description')
+        return received
+    if source == URDF:
+        return read_description(values[URDF])
+    return values[DESCRIPTION] if source == DESCRIPTION else dh_description(*_dh_arm(values))
+
+
+def build_robot(values: Flat, received: str | None = None) -> Robot:
+    """Build the robot of checked ``robot.…`` values.
+
+    Parameters
+    ----------
+    values
+        The values by dotted key.
+    received
+        URDF for values that name no robot.
+
+    Raises
+    ------
+    InvalidValue
+        As `describe_robot`; if the description cannot be used.
+    """
+    source = robot_source(values)
+    if source not in (URDF, DESCRIPTION, None):
+        return dh_robot(*_dh_arm(values))
+    text = describe_robot(values, received)
+    limits = {key: values[f'robot.limits.{key}'] for key in Limits.KEYS}
+    rest = {key.removeprefix(REST): values[key] for key in values if key.startswith(REST)}
+    try:
+        return urdf_robot(text, values['robot.joints'], values['robot.base_frame'], limits, rest)
+    except InvalidValue as error:
+        if error.key == URDF and source != URDF:
+            raise InvalidValue(DESCRIPTION, error.got, error.accepts) from None
+        raise
+
+
+def _dh_arm(values: Flat) -> tuple[Sequence[str], DHParameters, str | None, Limits]:
+    """Arguments of `dh_robot` and `dh_description`."""
     joints = values['robot.joints']
-    if values['robot.urdf'] is not None:
-        return urdf_robot(
-            read_description(values['robot.urdf']),
-            joints,
-            values['robot.base_frame'],
-            {key: values[f'robot.limits.{key}'] for key in Limits.KEYS},
-            {key.removeprefix(REST): values[key] for key in values if key.startswith(REST)},
-        )
     dh = DHParameters(*(values[f'robot.dh.{key}'] for key in DHParameters._fields))
     limits = Limits(len(joints), **{key: values[f'robot.limits.{key}'] for key in Limits.KEYS})
-    return dh_robot(joints, dh, values['robot.base_frame'], limits)
+    return joints, dh, values['robot.base_frame'], limits
 
 
 def build_stack(robot: Robot, values: Flat) -> Stack:

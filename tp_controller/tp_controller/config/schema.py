@@ -21,6 +21,8 @@ from tp_controller.robot.dh import CONVENTIONS, JOINT_TYPES
 from tp_controller.solvers import DEFAULT, INVERSES, SOLVER_TYPES
 from tp_controller.tasks import COMMON, TASK_TYPES
 
+URDF = 'robot.urdf'
+DESCRIPTION = 'robot_description'
 COMMAND_TYPES = ('joint_state', 'float64_multi_array')
 
 SHARED: Mapping[str, Parameter] = {
@@ -31,6 +33,9 @@ SHARED: Mapping[str, Parameter] = {
     ),
     'robot.urdf': Parameter(
         TEXT, 'Description in place of dh: a path, or package://<package>/<path>'
+    ),
+    'robot_description': Parameter(
+        TEXT, 'URDF in place of both; without any of the three, taken from the topic of that name'
     ),
     'robot.dh.theta': Parameter(
         NUMBERS, 'DH angle [rad] per joint; the offset of a revolute one', default=REQUIRED
@@ -144,8 +149,30 @@ INVERSE = ('inverse', 'damping', 'singular_region')
 OBJECTIVE = 'solver.objective.'
 """Beginning of the keys of an objective."""
 
+DH = 'robot.dh.'
+"""Beginning of the keys that describe a robot by Denavit-Hartenberg parameters."""
 REST = 'robot.rest_positions.'
 """Beginning of the keys that hold joints of a URDF which are not controlled."""
+
+
+def robot_source(flat: Mapping[str, Any]) -> str | None:
+    """Key of the values that describe the robot, None if the description is yet to come.
+
+    Returns
+    -------
+    str or None
+        `URDF`, `DESCRIPTION` or one that begins with `DH`.
+
+    Raises
+    ------
+    InvalidValue
+        If there is more than one.
+    """
+    dh = [key for key in flat if key.startswith(DH) and flat[key] is not None]
+    given = dh[:1] + [key for key in (URDF, DESCRIPTION) if flat.get(key) is not None]
+    if len(given) > 1:
+        raise InvalidValue(given[0], f'a value beside {given[1]}', 'one of the two')
+    return given[0] if given else None
 
 
 def shared_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
@@ -154,17 +181,13 @@ def shared_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
     Raises
     ------
     InvalidValue
-        If both are given.
+        As `robot_source`.
     """
     schema = dict(SHARED)
-    if flat.get('robot.urdf') is None:
+    if (robot_source(flat) or '').startswith(DH):
         return schema
-    for key in SHARED:
-        if key.startswith('robot.dh.'):
-            if flat.get(key) is not None:
-                raise InvalidValue(key, 'a value beside robot.urdf', 'one of the two')
-            del schema[key]
-    schema['robot.joints'] = replace(schema['robot.joints'], default=None)
+    for key in ('robot.joints', *(key for key in SHARED if key.startswith(DH))):
+        schema[key] = replace(schema[key], default=None)
     held = Parameter(NUMBER, 'Position [rad, m] of a joint that is not controlled')
     return schema | {key: held for key in flat if key.startswith(REST)}
 

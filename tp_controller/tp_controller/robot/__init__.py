@@ -1,5 +1,6 @@
 """Kinematic models of arms."""
 
+from tp_controller.robot.description import dh_description, same_description
 from tp_controller.robot.dh import DHParameters, dh_robot
 from tp_controller.robot.limits import Limits
 from tp_controller.robot.model import Coupling, Frame, Robot
@@ -11,7 +12,9 @@ __all__ = [
     'Frame',
     'Limits',
     'Robot',
+    'dh_description',
     'dh_robot',
     'read_description',
+    'same_description',
     'urdf_robot',
 ]

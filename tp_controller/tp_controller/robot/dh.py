@@ -70,6 +70,48 @@ def dh_robot(
     InvalidValue
         If a list has not one value per joint or a joint type is unknown.
     """
+    model = pin.Model()
+    model.name = 'dh_arm'
+    parent = 0
+    placement = pin.SE3.Identity()
+    for i, (before, after) in enumerate(dh_placements(joints, dh)):
+        joint = pin.JointModelRZ() if dh.types[i] == 'revolute' else pin.JointModelPZ()
+        parent = model.addJoint(parent, joint, placement * before, joints[i])
+        placement = after
+        model.addFrame(pin.Frame(f'link_{i + 1}', parent, 0, placement, pin.OP_FRAME))
+    base_frame = 'base' if base_frame is None else base_frame
+    links = [f'link_{i + 1}' for i in range(len(joints))]
+    if base_frame in links:
+        raise InvalidValue(
+            'robot.base_frame', shown(base_frame), f'a name that no link has ({listed(links)})'
+        )
+    foot = np.array(dh.base_pose[:3], dtype=float)
+    starts: list[str | Vector] = [foot, *links]
+    lines = list(zip(starts, links, strict=False))
+    return Robot(model, joints, base_frame, limits, lines=lines)
+
+
+def dh_placements(joints: Sequence[str], dh: DHParameters) -> list[tuple[pin.SE3, pin.SE3]]:
+    """What comes before and after the motion of each joint, which is along or about z.
+
+    Parameters
+    ----------
+    joints
+        Joint names (n,), from the base outwards.
+    dh
+        The parameters of each joint.
+
+    Returns
+    -------
+    list of (pin.SE3, pin.SE3)
+        From link i - 1, for the first joint the base, to the joint's z axis; from there,
+        moved, to link i.
+
+    Raises
+    ------
+    InvalidValue
+        If a list has not one value per joint or a joint type is unknown.
+    """
     n = len(joints)
     if dh.convention not in CONVENTIONS:
         raise InvalidValue('robot.dh.convention', shown(dh.convention), listed(CONVENTIONS))
@@ -88,33 +130,20 @@ def dh_robot(
                 f'{len(values)} values {shown(values)}',
                 f'{needed} values ({meaning})',
             )
-    model = pin.Model()
-    model.name = 'dh_arm'
-    modified = dh.convention == 'modified'
-    parent = 0
-    placement = pin.SE3(
-        pin.rpy.rpyToMatrix(np.array(dh.base_pose[3:], dtype=float)),
-        np.array(dh.base_pose[:3], dtype=float),
-    )
-    for i, name in enumerate(joints):
-        if dh.types[i] not in JOINT_TYPES:
-            raise InvalidValue('robot.dh.types', shown(dh.types[i]), listed(JOINT_TYPES))
-        joint = pin.JointModelRZ() if dh.types[i] == 'revolute' else pin.JointModelPZ()
-        turn, twist = _about_z(dh.theta[i], dh.d[i]), _about_x(dh.alpha[i], dh.a[i])
-        before, after = (twist, turn) if modified else (pin.SE3.Identity(), turn * twist)
-        parent = model.addJoint(parent, joint, placement * before, name)
-        placement = after
-        model.addFrame(pin.Frame(f'link_{i + 1}', parent, 0, placement, pin.OP_FRAME))
-    base_frame = 'base' if base_frame is None else base_frame
-    links = [f'link_{i + 1}' for i in range(n)]
-    if base_frame in links:
-        raise InvalidValue(
-            'robot.base_frame', shown(base_frame), f'a name that no link has ({listed(links)})'
+    placements = []
+    for kind, theta, d, a, alpha in zip(dh.types, dh.theta, dh.d, dh.a, dh.alpha, strict=True):
+        if kind not in JOINT_TYPES:
+            raise InvalidValue('robot.dh.types', shown(kind), listed(JOINT_TYPES))
+        turn, twist = _about_z(theta, d), _about_x(alpha, a)
+        modified = dh.convention == 'modified'
+        placements.append((twist, turn) if modified else (pin.SE3.Identity(), turn * twist))
+    if placements:
+        base = pin.SE3(
+            pin.rpy.rpyToMatrix(np.array(dh.base_pose[3:], dtype=float)),
+            np.array(dh.base_pose[:3], dtype=float),
         )
-    foot = np.array(dh.base_pose[:3], dtype=float)
-    starts: list[str | Vector] = [foot, *links]
-    lines = list(zip(starts, links, strict=False))
-    return Robot(model, joints, base_frame, limits, lines=lines)
+        placements[0] = (base * placements[0][0], placements[0][1])
+    return placements
 
 
 def _about_z(angle: float, length: float) -> pin.SE3:

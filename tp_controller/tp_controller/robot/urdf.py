@@ -28,6 +28,9 @@ KEY = 'robot.urdf'
 PACKAGE = 'package://'
 MOVABLE = ('revolute', 'continuous', 'prismatic')
 TYPES = (*MOVABLE, 'fixed')
+KINEMATIC = ('parent', 'child', 'origin', 'axis', 'limit')
+UNLIMITED = 1e9
+"""Limits of at least this size [rad, m, rad/s, m/s] count as none: URDF requires a number."""
 
 
 class _Joint(NamedTuple):
@@ -128,7 +131,10 @@ def urdf_robot(
         if name not in leaders or name in joints:
             free = [leader for leader in leaders if leader not in joints]
             raise InvalidValue('robot.rest_positions', shown(name), f'some of {listed(free)}')
-    model = pin.buildModelFromXML(ElementTree.tostring(root, encoding='unicode'))
+    try:
+        model = pin.buildModelFromXML(ElementTree.tostring(root, encoding='unicode'))
+    except ValueError:
+        raise InvalidValue(KEY, 'a text that Pinocchio cannot read', 'a URDF') from None
     model, coupling = _coupled(model, found, joints, rest)
     base_frame = base_frame if base_frame is not None else _root_link(found, root)
     _move_base(model, base_frame)
@@ -175,10 +181,11 @@ def _read(text: str) -> tuple[ElementTree.Element, dict[str, _Joint]]:
         if element.get('type') != 'fixed' and element.find('limit') is None:
             ElementTree.SubElement(element, 'limit', lower='-1e9', upper='1e9')
         for limit in element.findall('limit'):
-            limit.set('effort', limit.get('effort', '0'))
+            limit.set('effort', '0')
             limit.set('velocity', limit.get('velocity', '0'))
-        for mimic in element.findall('mimic'):
-            element.remove(mimic)
+        for part in list(element):
+            if part.tag not in KINEMATIC:
+                element.remove(part)
     return root, joints
 
 
@@ -195,10 +202,14 @@ def _joint(name: str, element: ElementTree.Element, links: Sequence[str | None])
                 KEY, f'joint {shown(name)} with {tag} {shown(link)}', 'the name of a link'
             )
         ends.append(str(link))
-    for tag, attribute in (('origin', 'xyz'), ('origin', 'rpy'), ('axis', 'xyz')):
-        part = element.find(tag)
-        if part is not None and part.get(attribute) is not None:
-            _numbers(f'joint {shown(name)} {tag}', str(part.get(attribute)), 3)
+    origin = element.find('origin')
+    for attribute in ('xyz', 'rpy'):
+        if origin is not None and origin.get(attribute) is not None:
+            _numbers(f'joint {shown(name)} origin', str(origin.get(attribute)), 3)
+    axis = element.find('axis')
+    direction = '1 0 0' if axis is None else axis.get('xyz', '')
+    if not any(_numbers(f'joint {shown(name)} axis', direction, 3)):
+        raise InvalidValue(KEY, f'joint {shown(name)} axis {shown(direction)}', 'a direction')
     limit = element.find('limit')
     limits = {
         key: _numbers(f'joint {shown(name)} limit', value, 1)[0]
@@ -210,6 +221,7 @@ def _joint(name: str, element: ElementTree.Element, links: Sequence[str | None])
         limits.pop('upper', None)
     if limits.get('velocity', 0.0) <= 0.0:
         limits.pop('velocity', None)
+    limits = {key: value for key, value in limits.items() if abs(value) < UNLIMITED}
     mimic = element.find('mimic')
     follows = None
     if mimic is not None:
@@ -223,7 +235,8 @@ def _joint(name: str, element: ElementTree.Element, links: Sequence[str | None])
 
 def _numbers(what: str, text: str, count: int) -> list[float]:
     try:
-        values = [float(word) for word in text.split()]
+        # Python takes 1_0 for a number, URDF does not.
+        values = [float(word) for word in text.replace('_', '?').split()]
     except ValueError:
         values = []
     if len(values) != count or not all(math.isfinite(value) for value in values):

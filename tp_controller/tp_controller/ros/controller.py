@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -11,42 +11,54 @@ import numpy as np
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from visualization_msgs.msg import MarkerArray
 
-from tp_controller.config import build_settings, check_changes, controller_schema
+from tp_controller.config import (
+    build_settings,
+    check_changes,
+    controller_schema,
+    read_parameters,
+)
 from tp_controller.errors import InvalidValue, UnusableState
 from tp_controller.ros.feedforward import FeedforwardOverrides
 from tp_controller.ros.goals import GOAL_TYPES, GoalReader, feedforward_type
 from tp_controller.ros.joint_states import JointStateReader
 from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
 from tp_controller.ros.markers import Markers
-from tp_controller.ros.parameters import ROS_OWN, describe_parameters, given_parameters
+from tp_controller.ros.parameters import ROS_OWN, describe_parameters
+from tp_controller.ros.robot_node import HEARTBEAT, RobotNode
 from tp_controller.ros.state import StateMessage, field_view
 from tp_controller.tasks import Task
 from tp_interfaces.msg import ControllerState
 
 QUEUE_DEPTH = 100
 """Messages that wait while the process is not scheduled: 0.1 s at 1 kHz."""
-HEARTBEAT = 0.1
-"""Time [s] between states while no joint state comes."""
 
 
-class ControllerNode(Node):
+class ControllerNode(RobotNode):
     """Answers every joint state with a joint velocity command."""
 
     def __init__(self) -> None:
-        super().__init__(
-            'tp_controller',
-            automatically_declare_parameters_from_overrides=True,
-            # An unknown name then reaches the check below, which knows what is meant.
-            allow_undeclared_parameters=True,
-        )
-        given = given_parameters(self)
-        self._settings = build_settings(given)
+        # An undeclared name then reaches `_check_parameters`, which knows what is meant.
+        super().__init__('tp_controller', allow_undeclared_parameters=True)
+        self._state_publisher = self.create_publisher(ControllerState, '~/state', QUEUE_DEPTH)
+        self.begin()
+
+    def check(self, given: Mapping[str, Any]) -> None:
+        """Check parameters as far as that is possible without the robot."""
+        read_parameters(given)
+
+    def show_waiting(self, message: str) -> None:
+        """Publish what is waited for."""
+        state = ControllerState(status=ControllerState.WAITING, scale=1.0, message=message)
+        self._state_publisher.publish(state)
+
+    def start(self, given: Mapping[str, Any], description: str | None) -> None:
+        """Build the stack of tasks and listen to joint states and goals."""
+        self._settings = build_settings(given, description)
         values = self._settings.values
         self._schema = controller_schema(values)
         describe_parameters(self, self._schema, values)
@@ -67,7 +79,6 @@ class ControllerNode(Node):
         self._last_heartbeat = 0.0
 
         self._make_command_publisher(values['command.type'])
-        self._state_publisher = self.create_publisher(ControllerState, '~/state', QUEUE_DEPTH)
         for task in self._stack.tasks.values():
             if task.type not in GOAL_TYPES:
                 continue
@@ -99,6 +110,8 @@ class ControllerNode(Node):
 
     def stop(self) -> None:
         """Bring the robot to rest: publish a zero command and give it time to arrive."""
+        if not self.started:
+            return
         self._publish_zero()
         self._command_publisher.wait_for_all_acked(Duration(seconds=0.2))
 

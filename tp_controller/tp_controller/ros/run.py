@@ -73,14 +73,19 @@ def run_node(name: str, module: str, node_class: str) -> int:
         return _refuse(name, arguments.one_line(error))
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    while not stop.requested:
-        # A signal is seen when the wait ends, so the wait is bounded.
-        executor.spin_once(timeout_sec=0.1)
+    status = 0
+    while not stop.requested and status == 0:
+        try:
+            # A signal is seen when the wait ends, so the wait is bounded.
+            executor.spin_once(timeout_sec=0.1)
+        except InvalidValue as error:
+            # Of a node that got to know its robot only now.
+            status = _refuse(name, str(error))
     node.stop()
     executor.shutdown()
     node.destroy_node()
     rclpy.try_shutdown()
-    return 0
+    return status
 
 
 def _refuse(name: str, message: str) -> int:

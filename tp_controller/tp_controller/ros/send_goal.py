@@ -155,6 +155,8 @@ class _GoalSender:
             if task.name == name:
                 return task
         names = [task.name for task in self._state.tasks]
+        if not names:
+            raise GoalRefused(f'the controller is {self._state.message}')
         raise InvalidValue('task', repr(name), f'one of {listed(names)}')
 
     def _on_state(self, msg: ControllerState) -> None:

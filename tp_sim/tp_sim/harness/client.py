@@ -15,9 +15,11 @@ from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
+from std_msgs.msg import String
 
 from tp_controller.errors import listed
 from tp_controller.ros.goals import feedforward_message, goal_message
+from tp_controller.ros.robot_node import TOPIC, TOPIC_QOS
 from tp_interfaces.msg import ControllerState, TaskState
 from tp_sim.harness.domain import PrivateDomain
 from tp_sim.harness.errors import GoalRejected, HarnessError
@@ -115,6 +117,12 @@ class Client:
         publisher = self._publishers[topic]
         self.wait_for(lambda: publisher.get_subscription_count() > 0, f'a listener to {topic}')
         publisher.publish(msg)
+
+    def publish_description(self, text: str) -> None:
+        """Publish a URDF as ``robot_description``; who comes later gets it too."""
+        if TOPIC not in self._publishers:
+            self._publishers[TOPIC] = self.node.create_publisher(String, TOPIC, TOPIC_QOS)
+        self._publishers[TOPIC].publish(String(data=text))
 
     def call(self, service_type: Any, name: str, request: Any, timeout: float = TIMEOUT) -> Any:
         """Call a service and return its response.

@@ -40,6 +40,8 @@ class ClosedLoop:
         Namespace of both nodes.
     on_state
         Called with every state of the controller.
+    description
+        URDF to publish as ``robot_description``, for nodes whose parameters name no robot.
 
     Raises
     ------
@@ -55,6 +57,7 @@ class ClosedLoop:
         lockstep: bool = True,
         namespace: str = '',
         on_state: Callable[[ControllerState], None] | None = None,
+        description: str | None = None,
     ) -> None:
         document = parameters if isinstance(parameters, Mapping) else read_document(parameters)
         mode = {'tp_sim': {'lockstep': lockstep, 'paused': lockstep}}
@@ -76,6 +79,8 @@ class ClosedLoop:
         self.client.on_state.append(self._recorder.add)
         if on_state is not None:
             self.client.on_state.append(on_state)
+        if description is not None:
+            self.client.publish_description(description)
         try:
             self.controller = NodeProcess(
                 'tp_controller', 'controller', path, self.environment, ros_arguments
