@@ -208,7 +208,7 @@ def _joint(name: str, element: ElementTree.Element, links: Sequence[str | None])
             _numbers(f'joint {shown(name)} origin', str(origin.get(attribute)), 3)
     axis = element.find('axis')
     direction = '1 0 0' if axis is None else axis.get('xyz', '')
-    if not any(_numbers(f'joint {shown(name)} axis', direction, 3)):
+    if kind != 'fixed' and not any(_numbers(f'joint {shown(name)} axis', direction, 3)):
         raise InvalidValue(KEY, f'joint {shown(name)} axis {shown(direction)}', 'a direction')
     limit = element.find('limit')
     limits = {
