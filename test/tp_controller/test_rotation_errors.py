@@ -177,3 +177,27 @@ def test_the_heading_rate_is_the_spin_where_the_heading_has_no_derivative(axis):
     row = heading_rows(about(letter, math.pi / 2), axis)
     assert np.all(np.isfinite(row))
     np.testing.assert_array_equal(row, np.eye(3)[axis])
+
+
+@given(turns(), turns(math.pi - 1e-3, math.pi))
+@examples(40)
+def test_a_goal_half_a_turn_away_is_approached_the_short_way_without_a_jump(start, way):
+    """Turned along its error, a frame goes straight to the goal: the axis never flips."""
+    R = rotation(start)
+    R_des = rotation(way) @ R
+    first = rotation_error(R_des, R)
+    dt, turned = 0.02, 0.0
+    for i in range(400):
+        error = rotation_error(R_des, R)
+        np.testing.assert_allclose(error, first * (1.0 - dt) ** i, atol=1e-6)
+        R = rotation(dt * error) @ R
+        turned += dt * float(np.linalg.norm(error))
+    assert turned <= math.pi
+
+
+@given(numbers(-3, 3), st.sampled_from([-1.0, 1.0]))
+@examples(40)
+def test_an_angle_error_does_not_jump_where_angle_and_target_pass_half_a_turn(lead, sign):
+    """The robot turns through several turns with its target ahead of it all the way."""
+    errors = [planar_error(sign * q + lead, sign * q) for q in np.linspace(-7.0, 7.0, 200)]
+    np.testing.assert_allclose(errors, math.remainder(lead, math.tau), atol=1e-9)

@@ -38,6 +38,8 @@ def start(loop):
         ('hand_pose', [0.2, 1.2, 2.4], ['hand_pose']),
         ('hand_rotation', [0.0, 0.0, np.sin(1.0), np.cos(1.0)], ['hand_rotation']),
         ('elbow', [1.0, -0.5], ['elbow']),
+        ('home', [0.1, 0.4, -0.5], ['home']),
+        ('from_elbow', [0.4, 0.7], ['from_elbow']),
     ],
 )
 def test_a_goal_of_every_task_type_is_reached(loop, task, values, hierarchy):
@@ -58,6 +60,66 @@ def test_a_goal_in_a_robot_frame_is_transformed_on_receipt(loop):
     assert loop.client.task('ee_position').desired == pytest.approx(tip + turn @ [0.1, 0.2])
     loop.send_goal('ee_orientation', [0.1], frame='link_2')
     assert loop.client.task('ee_orientation').desired == pytest.approx([0.7])
+
+
+def test_a_gaze_turns_its_axis_to_the_point(loop):
+    loop.set_parameters({'hierarchy': ['look']})
+    loop.send_goal('look', [1.0, 1.5, 0.0])
+    loop.run(10.0)
+    assert loop.record.error_norm['look'][-1] < 1e-3
+    q = loop.record.q[-1]
+    elbow = 0.75 * np.array([np.cos(q[0]), np.sin(q[0])])
+    tip = elbow + 0.5 * np.array([np.cos(q[0] + q[1]), np.sin(q[0] + q[1])])
+    way = np.array([1.0, 1.5]) - tip
+    assert np.arctan2(way[1], way[0]) == pytest.approx(q[0] + q[1], abs=2e-3)
+
+
+def test_a_task_seen_from_a_link_takes_goals_in_any_frame(loop):
+    """Without a frame in that link's; others are transformed into it on receipt."""
+    loop.send_goal('from_elbow', [0.2, 0.3])
+    assert loop.client.task('from_elbow').desired == pytest.approx([0.2, 0.3])
+    loop.send_goal('from_elbow', [0.2, 0.3], frame='link_1')
+    assert loop.client.task('from_elbow').desired == pytest.approx([0.2, 0.3])
+    # Link 1 ends at (0.75, 0) and is not turned at the start; link 2 is, by 0.6 rad.
+    loop.send_goal('from_elbow', [1.0, 0.4], frame='base')
+    assert loop.client.task('from_elbow').desired == pytest.approx([0.25, 0.4])
+    loop.send_goal('from_elbow', [0.0, 0.0], frame='link_2')
+    elbow = [0.5 * np.cos(0.6), 0.5 * np.sin(0.6)]
+    assert loop.client.task('from_elbow').desired == pytest.approx(elbow)
+    assert loop.client.task('from_elbow').relative_to == 'link_1'
+
+
+def test_a_task_along_the_axes_of_a_link_takes_whole_points_and_its_own_twists(loop):
+    loop.set_parameters({'hierarchy': ['along_hand'], 'solver.damping': 0.0})
+    tip = np.array(
+        [0.75 + 0.5 * np.cos(0.6) + 0.5 * np.cos(0.9), 0.5 * np.sin(0.6) + 0.5 * np.sin(0.9)]
+    )
+    hand = np.array([np.cos(0.9), np.sin(0.9)])
+    goal = [*(tip + 0.1 * hand + 0.2 * np.array([-hand[1], hand[0]])), 0.0]
+    loop.send_goal('along_hand', goal)
+    task = loop.client.task('along_hand')
+    assert list(task.target_components) == ['x', 'y', 'z']
+    assert list(task.components) == ['x']
+    assert task.error == pytest.approx([0.1])
+    # A twist in the base frame along the hand is one along its x axis.
+    loop.send_feedforward('along_hand', [0.1])
+    loop.clear_record()
+    turned = loop.record.requested['along_hand'][-1] - loop.record.error['along_hand'][-1]
+    assert turned == pytest.approx([0.1 * hand[0]])
+    loop.set_parameters({'solver.damping': 0.1})
+
+
+def test_a_task_without_a_target_tells_its_measure_and_takes_no_goal(loop):
+    loop.set_parameters({'hierarchy': ['ee_position', 'agility']})
+    loop.run(1.0)
+    measure = loop.record.current['agility']
+    task = loop.client.task('agility')
+    assert measure.shape[1] == 1
+    assert 0.0 < measure[-1, 0] < 3.0
+    assert len(task.desired) == len(task.target_components) == 0
+    assert task.error_norm == pytest.approx(np.linalg.norm(task.error))
+    with pytest.raises(InvalidValue, match='a goal for a manipulability task'):
+        loop.send_goal('agility', [1.0])
 
 
 def test_a_joint_goal_may_name_some_of_the_joints(loop):

@@ -52,7 +52,7 @@ def test_a_goal_for_every_task_type_is_accepted_with_an_answer(loop, arguments, 
         ),
         (['ee_position', '1.0'], 'ee_position: got 1 value; accepts 2: x [m], y [m]'),
         (['elbow', '1.0'], 'elbow: got 1 value; accepts 2: joint_2'),
-        (['hand_rotation', '1.0'], 'accepts 4: quaternion x, y, z, w'),
+        (['hand_rotation', '1.0'], 'accepts 4: quaternion x, quaternion y'),
         (['ee_position', '1.0', 'nan'], 'ee_position: got [1.0, nan]; accepts finite numbers'),
         (
             ['ee_position', '1.0', '0.5', '--frame', 'map'],
