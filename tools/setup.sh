@@ -122,6 +122,9 @@ build_packages() {
   [ ! -d build ] || find build -xtype l -delete
   source ./setup.bash
   logged colcon build --symlink-install
+  say 'compiling the solver'
+  PYTHONPATH=tp_controller${PYTHONPATH:+:$PYTHONPATH} \
+    logged python -c 'import tp_controller.solvers.kernel'
   packages_state >install/state
 }
 

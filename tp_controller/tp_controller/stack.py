@@ -72,6 +72,9 @@ class Stack:
         self._command = _read_only(self._qd)
         self._members: list[list[Task]] = []
         self.hierarchy = hierarchy
+        from tp_controller.solvers.kernel import shorten
+
+        self._shorten = shorten
 
     @property
     def hierarchy(self) -> Sequence[str]:
@@ -186,7 +189,7 @@ class Stack:
             self._refuse(q)
         if self._unaimed:
             self._unaimed, self._held = [], []
-        scale = self.robot.limits.scale_velocity(self._qd)
+        scale = self._shorten(self._qd, self.robot.limits.velocity)
         np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
 

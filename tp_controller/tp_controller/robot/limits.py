@@ -75,24 +75,6 @@ class Limits:
                 'values below position_max for every joint',
             )
 
-    def scale_velocity(self, qd: Vector) -> float:
-        """Shorten a joint velocity (n,) in place until every component is in its limit.
-
-        The whole vector is scaled, so its direction is kept.
-
-        Returns
-        -------
-        float
-            The factor in (0, 1] that was applied.
-        """
-        excess = float(np.max(np.abs(qd) / self.velocity))
-        if excess <= 1.0:
-            return 1.0
-        qd /= excess
-        # Rounding may leave a component one unit in the last place outside.
-        np.clip(qd, -self.velocity, self.velocity, out=qd)
-        return 1.0 / excess
-
 
 def _spread(key: str, values: Sequence[float] | None, n: int, absent: float) -> Vector:
     """Limit per joint (n,) from one value, n values or none; read-only."""

@@ -73,10 +73,6 @@ class Solver(ABC):
         joint_weights: Sequence[float] | None = None,
         objective: Objective | None = None,
     ) -> None:
-        # Compiled, or loaded, when the first solver is made: a simulator has none.
-        from tp_controller.solvers import kernel
-
-        self._kernel = kernel
         self.n = n
         self.objective = objective
         inverse.check('solver')
@@ -84,7 +80,6 @@ class Solver(ABC):
         self._basis = _basis(n, joint_weights)
         self._tolerance = RANK_TOLERANCE * float(np.linalg.norm(self._basis, 2))
         self._groups: Levels = ()
-        self.prepare(())
 
     @property
     def inverse(self) -> Inverse:
@@ -137,6 +132,11 @@ class Solver(ABC):
             Stacked Jacobian (K, n) of all levels at a configuration (n,), for schemes that
             need its derivative.
         """
+        # Compiled, or loaded, when levels are there that can be resolved: nobody waits for a
+        # compiler to be told of a mistake, and a simulator never needs it.
+        from tp_controller.solvers import kernel
+
+        self._kernel = kernel
         self._groups = self.arrange(levels)
         self._jacobian_at = jacobian_at
         sizes = [sum(task.k for task in group) for group in self._groups]

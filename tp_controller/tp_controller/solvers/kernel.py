@@ -1,4 +1,4 @@
-"""The recursion over levels, compiled by numba: small matrices, no allocation.
+"""The recursion over levels and the scaling after it, compiled by numba: no allocation.
 
 Everything here works in arrays that the caller made. Bases and singular vectors are kept as
 rows, so that every inner loop runs over neighbouring numbers. Importing this module compiles
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import boolean, float64, int64, njit
+from numba import boolean, float64, int64, njit, types
 
 ORTHOGONAL = 1e-15
 """Rows whose cosine is below this count as orthogonal."""
@@ -20,6 +20,7 @@ SWEEPS = 60
 
 ROWS = float64[:, ::1]
 COLUMN = float64[::1]
+FIXED = types.Array(float64, 1, 'C', readonly=True)
 
 
 @njit(cache=True)
@@ -207,6 +208,27 @@ def resolve(J, velocity, starts, damping, region, basis, tolerance, work, qd):  
     for c in range(n):
         finite = finite and math.isfinite(qd[c])
     return finite
+
+
+@njit(float64(COLUMN, FIXED), cache=True)
+def shorten(qd, limit):  # type: ignore[no-untyped-def]
+    """Scale a joint velocity (n,) in place until no component exceeds its limit (n,).
+
+    The whole vector is scaled, so its direction is kept.
+
+    Returns
+    -------
+    float
+        The factor in (0, 1] that was applied.
+    """
+    excess = 1.0
+    for i in range(qd.size):
+        excess = max(excess, abs(qd[i]) / limit[i])
+    if excess > 1.0:
+        for i in range(qd.size):
+            # Rounding may leave a component one unit in the last place outside.
+            qd[i] = min(max(qd[i] / excess, -limit[i]), limit[i])
+    return 1.0 / excess
 
 
 def workspace(rows: int, n: int) -> np.ndarray:

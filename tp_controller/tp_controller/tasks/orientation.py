@@ -71,7 +71,8 @@ class OrientationTask(FrameTask):
     ) -> None:
         rows = axis_rows('axes', axes, first=3)
         super().__init__(name, robot, frame, rows, relative_to, axes_frame)
-        self._axis = int(self.rows[0]) - 3
+        self._turns = self.rows - 3
+        self._axis = int(self._turns[0])
         self._is_heading = self.k == 1 and not self._own_axes
         self._R_des: Matrix = np.eye(3)
 
@@ -144,9 +145,14 @@ class OrientationTask(FrameTask):
             self.error[0] = wrap(self._target[0] - heading(R, self._axis))
             np.dot(heading_rows(R, self._axis), self._angular(self.frame), out=self.J[0])
             return
-        error, J = rotation_error(self._R_des, R), self._angular(self.frame)
+        error = rotation_error(self._R_des, R)
+        if self._from_base and not self._own_axes:
+            np.take(error, self._turns, out=self.error)
+            np.take(self.frame.jacobian, self.rows, axis=0, out=self.J)
+            return
+        J = self._angular(self.frame)
         if self._own_axes:
             A = self._axes_rotation()
             error, J = A.T @ error, A.T @ J
-        np.take(error, self.rows - 3, out=self.error)
-        np.take(J, self.rows - 3, axis=0, out=self.J)
+        np.take(error, self._turns, out=self.error)
+        np.take(J, self._turns, axis=0, out=self.J)
