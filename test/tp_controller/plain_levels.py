@@ -14,6 +14,7 @@ class Rows(NamedTuple):
     k: int
     inverse: Inverse = Inverse()
     weight: float = 1.0
+    set_based: bool = False
 
 
 def resolve(solver, levels, **settings):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -184,13 +185,14 @@ def _task(name: str, robot: Robot, values: Flat) -> Task:
     prefix = f'tasks.{name}.'
     own = {key.removeprefix(prefix): values[key] for key in values if key.startswith(prefix)}
     try:
+        own['period'] = math.inf if values['rate'] is None else 1.0 / values['rate']
         task = TASK_TYPES[own['type']].from_parameters(name, robot, own)
         task.gain = own['gain']
         task.weight = own['weight']
         task.inverse = Inverse(*(own[key] for key in INVERSE))
         if own['feedforward'] is not None:
             task.feedforward = own['feedforward']
-        if own['target'] is not None:
+        if own.get('target') is not None:
             task.target = own['target']
     except InvalidValue as error:
         raise error.under(f'tasks.{name}') from None

@@ -116,6 +116,11 @@ CONTROLLER: Mapping[str, Parameter] = {
         'What projected_gradient and extended_jacobian make large',
         choices=tuple(OBJECTIVE_TYPES),
     ),
+    'rate': Parameter(
+        NUMBER,
+        'Joint states per second [Hz], from which set-based tasks get safe distances',
+        above=0.0,
+    ),
     'timeouts.joint_state': Parameter(
         NUMBER,
         'Time [s] without a joint state after which the command goes to zero',
@@ -212,24 +217,31 @@ def controller_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
     """
     own = {key: p for key, p in CONTROLLER.items() if key not in SHARED}
     schema = shared_schema(flat) | own
-    kind = flat.get('solver.objective.type')
-    if kind is not None:
-        kind = schema['solver.objective.type'].read('solver.objective.type', kind)
+    key = f'{OBJECTIVE}type'
+    if flat.get(key) is not None:
+        objective = OBJECTIVE_TYPES[schema[key].read(key, flat[key])]
         schema[f'{OBJECTIVE}gain'] = OBJECTIVE_GAIN
-        for leaf, parameter in OBJECTIVE_TYPES[kind].parameters.items():
-            schema[f'{OBJECTIVE}{leaf}'] = parameter
+        schema |= {f'{OBJECTIVE}{leaf}': p for leaf, p in objective.parameters.items()}
     for name in task_names(flat):
-        if not NAME.fullmatch(name):
-            raise InvalidValue(
-                f'tasks.{name}',
-                f'a task called {shown(name)}',
-                'names of letters, digits and _ that begin with a letter',
-            )
-        of_type = Parameter(TEXT, COMMON['type'].description, REQUIRED, choices=tuple(TASK_TYPES))
-        key = f'tasks.{name}.type'
-        if flat.get(key) is None:
-            raise InvalidValue(key, 'no value', of_type.accepts)
-        task_type = TASK_TYPES[of_type.read(key, flat[key])]
-        for leaf, parameter in {**COMMON, 'type': of_type, **task_type.parameters}.items():
-            schema[f'tasks.{name}.{leaf}'] = parameter
+        schema |= _task_schema(name, flat)
     return schema
+
+
+def _task_schema(name: str, flat: Mapping[str, Any]) -> dict[str, Parameter]:
+    if not NAME.fullmatch(name):
+        raise InvalidValue(
+            f'tasks.{name}',
+            f'a task called {shown(name)}',
+            'names of letters, digits and _ that begin with a letter',
+        )
+    kind = Parameter(TEXT, COMMON['type'].description, REQUIRED, choices=tuple(TASK_TYPES))
+    key = f'tasks.{name}.type'
+    if flat.get(key) is None:
+        raise InvalidValue(key, 'no value', kind.accepts)
+    task_type = TASK_TYPES[kind.read(key, flat[key])]
+    leaves = {**COMMON, 'type': kind, **task_type.parameters}
+    return {
+        f'tasks.{name}.{leaf}': parameter
+        for leaf, parameter in leaves.items()
+        if leaf not in task_type.without
+    }

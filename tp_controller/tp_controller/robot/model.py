@@ -144,6 +144,38 @@ class Robot:
             raise InvalidValue('joints', shown(list(names)), 'every joint once')
         return [self.joints.index(name) for name in names]
 
+    def reach(self, name: str) -> Vector:
+        """Bound (n,) on the speed of a frame's origin per joint speed, at any configuration.
+
+        Metres per radian for a turning joint: the length of the chain beyond it. Infinite
+        where that has a sliding joint without limits. Joints that do not move the frame
+        have zero.
+
+        Raises
+        ------
+        InvalidValue
+            If the robot has no such frame.
+        """
+        model = self._model
+        frame = model.frames[self.frame(name).index]
+        bounds = np.zeros(model.nv)
+        S, offset = self._coupling or (np.eye(self.n), np.zeros(self.n))
+        farthest = np.maximum(-self.limits.position_min, self.limits.position_max)
+        beyond, joint = float(np.linalg.norm(frame.placement.translation)), frame.parentJoint
+        while joint > 0:
+            row = model.joints[joint].idx_v
+            if model.joints[joint].shortname().startswith('JointModelP'):
+                bounds[row] = 1.0
+                used = S[row] != 0.0
+                beyond += abs(offset[row]) + float(np.abs(S[row, used]) @ farthest[used])
+            else:
+                bounds[row] = beyond
+            beyond += float(np.linalg.norm(model.jointPlacements[joint].translation))
+            joint = model.parents[joint]
+        shares = np.zeros_like(S)
+        np.multiply(np.abs(S), bounds[:, None], out=shares, where=S != 0.0)
+        return shares.sum(axis=0)
+
     def update(self, q: Vector) -> None:
         """Move every frame to configuration ``q`` (n,) [rad, m]."""
         self._q[:] = q
@@ -165,7 +197,7 @@ class Frame:
         self.name: str = model.frames[index].name
         self._model = model
         self._data = data
-        self._index = index
+        self.index = index
         self._coupling = coupling
         self._jacobian: Matrix | None = None
         self._hessian: NDArray[np.float64] | None = None
@@ -228,7 +260,7 @@ class Frame:
     def _model_jacobian(self) -> Matrix:
         """Jacobian (6, m) by the joints of the model."""
         jacobian = pin.getFrameJacobian(
-            self._model, self._data, self._index, pin.LOCAL_WORLD_ALIGNED
+            self._model, self._data, self.index, pin.LOCAL_WORLD_ALIGNED
         )
         # A single column arrives as a vector.
         return jacobian.reshape(6, -1)

@@ -24,7 +24,7 @@ from tp_controller.config import (
 )
 from tp_controller.errors import InvalidValue, UnusableState
 from tp_controller.ros.feedforward import FeedforwardOverrides
-from tp_controller.ros.goals import GOAL_TYPES, GoalReader, feedforward_type
+from tp_controller.ros.goals import FEEDFORWARD_TYPES, GOAL_TYPES, GoalReader
 from tp_controller.ros.joint_states import JointStateReader
 from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
 from tp_controller.ros.markers import Markers
@@ -80,17 +80,16 @@ class ControllerNode(RobotNode):
 
         self._make_command_publisher(values['command.type'])
         for task in self._stack.tasks.values():
-            if task.type not in GOAL_TYPES:
-                continue
-            self.create_subscription(
-                GOAL_TYPES[task.type], f'~/{task.name}/goal', partial(self._on_goal, task), 10
-            )
-            self.create_subscription(
-                feedforward_type(task.type),
-                f'~/{task.name}/feedforward',
-                partial(self._on_feedforward, task),
-                10,
-            )
+            for types, topic, callback in (
+                (GOAL_TYPES, 'goal', self._on_goal),
+                (FEEDFORWARD_TYPES, 'feedforward', self._on_feedforward),
+            ):
+                if task.type in types:
+                    self.create_subscription(
+                        types[task.type], f'~/{task.name}/{topic}', partial(callback, task), 10
+                    )
+            for warning in task.warnings:
+                self.get_logger().warning(warning)
         self.create_subscription(JointState, 'joint_states', self._on_joint_state, QUEUE_DEPTH)
         self._stale_after = values['timeouts.joint_state']
         self.create_timer(
@@ -98,7 +97,7 @@ class ControllerNode(RobotNode):
             self._watch,
             clock=Clock(clock_type=ClockType.STEADY_TIME),
         )
-        self._markers = Markers(robot, self._state.msg)
+        self._markers = Markers(robot, self._state.msg, self._stack.tasks.values())
         self._marker_publisher = self.create_publisher(MarkerArray, '~/markers', 10)
         self.create_timer(
             MARKER_PERIOD, self._publish_markers, clock=Clock(clock_type=ClockType.STEADY_TIME)

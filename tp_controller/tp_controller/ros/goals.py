@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.robot import Frame, Robot
 from tp_controller.rotations import rotation_from_quaternion
-from tp_controller.tasks import FrameTask, JointTask, Task
+from tp_controller.tasks import FrameTask, JointTask, ObstacleTask, Task
 from tp_interfaces.msg import TaskState
 
 Vector = NDArray[np.float64]
@@ -30,6 +30,7 @@ GOAL_TYPES: dict[str, type] = {
     'orientation': QuaternionStamped,
     'pose': PoseStamped,
     'gaze': PointStamped,
+    'obstacle': PointStamped,
     'joint': JointState,
     'posture': JointState,
 }
@@ -38,9 +39,12 @@ GOAL_TYPES: dict[str, type] = {
 _FINITE = 'finite numbers'
 
 
-def feedforward_type(task_type: str) -> type:
-    """Message that carries the feedforward of a task type."""
-    return JointState if GOAL_TYPES[task_type] is JointState else TwistStamped
+FEEDFORWARD_TYPES: dict[str, type] = {
+    name: JointState if goal is JointState else TwistStamped
+    for name, goal in GOAL_TYPES.items()
+    if name != 'obstacle'
+}
+"""Message that carries the feedforward of each task type that has one."""
 
 
 class GoalReader:
@@ -77,7 +81,7 @@ class GoalReader:
                 )
             values = np.zeros(task.k) if task.target is None else task.target
             return task.check_target(task.with_joints(values, msg.name, msg.position))
-        assert isinstance(task, FrameTask)
+        assert isinstance(task, FrameTask | ObstacleTask)
         source, seen = self._frame(msg.header.frame_id, task), task.reference
         position, rotation = _pose(msg)
         if source is not seen:
@@ -109,7 +113,7 @@ class GoalReader:
             twist = np.concatenate([A @ twist[:3], A @ twist[3:]])
         return task.feedforward_from_twist(twist)
 
-    def _frame(self, frame_id: str, task: FrameTask) -> Frame:
+    def _frame(self, frame_id: str, task: FrameTask | ObstacleTask) -> Frame:
         """Frame that the message is given in; the one that the task is seen from if empty."""
         robot, seen = self._robot, task.reference
         if frame_id in ('', seen.name):
@@ -205,11 +209,15 @@ def feedforward_message(
     InvalidValue
         If the values are not those of such a task.
     """
+    if task.type not in FEEDFORWARD_TYPES:
+        raise InvalidValue(
+            task.name, f'a feedforward for a {task.type} task', listed(FEEDFORWARD_TYPES)
+        )
     rows = list(task.components)
     if len(values) != len(rows):
         raise InvalidValue(task.name, f'{len(values)} values', f'{len(rows)}: {listed(rows)}')
     _finite(task.name, values)
-    if feedforward_type(task.type) is JointState:
+    if FEEDFORWARD_TYPES[task.type] is JointState:
         msg = JointState(name=rows, velocity=[float(value) for value in values])
     else:
         msg = TwistStamped()

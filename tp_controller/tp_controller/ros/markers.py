@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Iterable
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -12,6 +14,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from tp_controller.robot import Robot
+from tp_controller.tasks import ObstacleTask, Task
 from tp_interfaces.msg import ControllerState, TaskState
 
 PERIOD = 0.1
@@ -21,6 +24,7 @@ PATH_POINTS = 300
 
 GREY = ColorRGBA(r=0.6, g=0.6, b=0.6, a=1.0)
 BLUE = ColorRGBA(r=0.12, g=0.47, b=0.71, a=1.0)
+RED = ColorRGBA(r=0.84, g=0.15, b=0.16, a=0.5)
 ORANGE = ColorRGBA(r=1.0, g=0.5, b=0.05, a=1.0)
 
 
@@ -33,12 +37,15 @@ class Markers:
         The robot.
     state
         The controller's state, kept up to date by its owner.
+    tasks
+        Tasks, the obstacles among which are shown.
     """
 
-    def __init__(self, robot: Robot, state: ControllerState) -> None:
+    def __init__(self, robot: Robot, state: ControllerState, tasks: Iterable[Task] = ()) -> None:
         self._robot = robot
         self._state = state
         self._paths: dict[str, deque[Point]] = {}
+        self._obstacles = [task for task in tasks if isinstance(task, ObstacleTask)]
 
     def array(self, stamp: Time) -> MarkerArray:
         """Markers of the present configuration; every call adds a point to the paths."""
@@ -59,13 +66,31 @@ class Markers:
         targets = [
             _point(self._target(task))
             for task in controlled
-            if set(task.target_components) & set('xyz')
+            if task.type != 'obstacle' and set(task.target_components) & set('xyz')
         ]
         # An empty list takes the targets of an earlier hierarchy away.
         markers.append(
             self._marker(stamp, 'target', 0, Marker.SPHERE_LIST, targets, 2.0 * width, ORANGE)
         )
+        markers += [self._obstacle(stamp, i, task) for i, task in enumerate(self._obstacles)]
         return MarkerArray(markers=markers)
+
+    def _obstacle(self, stamp: Time, number: int, task: ObstacleTask) -> Marker:
+        """Sphere, or for two axes a disc of the links' thickness."""
+        center = np.zeros(3)
+        center[task.rows] = task.center
+        marker = self._marker(stamp, 'obstacle', number, Marker.SPHERE, [], 2.0 * task.radius, RED)
+        marker.action = Marker.ADD
+        marker.pose.position = _point(center)
+        if len(task.rows) == 2:
+            marker.type = Marker.CYLINDER
+            marker.scale.z = 0.1 * task.radius
+            # The disc is normal to the axis that does not count.
+            axis = ({0, 1, 2} - set(task.rows.tolist())).pop()
+            if axis < 2:
+                marker.pose.orientation.w = math.sqrt(0.5)
+                setattr(marker.pose.orientation, 'yx'[axis], math.sqrt(0.5))
+        return marker
 
     def _target(self, task: TaskState) -> NDArray[np.float64]:
         """Desired position in the base frame, along axes that are left free the present one."""

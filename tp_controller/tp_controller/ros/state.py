@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.stack import Stack
-from tp_controller.tasks import Task
+from tp_controller.tasks import SetBasedTask, Task
 from tp_interfaces.msg import ControllerState, TaskState
 
 Vector = NDArray[np.float64]
@@ -95,6 +95,8 @@ class _TaskMessage:
         self._desired = field_view(self.msg, 'desired', task.target_size, math.nan)
         self._current = field_view(self.msg, 'current', task.current.size, math.nan)
         self._error = field_view(self.msg, 'error', task.k, math.nan)
+        set_based = isinstance(task, SetBasedTask)
+        self._distance = field_view(self.msg, 'distance', task.k if set_based else 0, math.nan)
         self._requested = field_view(self.msg, 'requested_velocity', task.k)
         self._achieved = field_view(self.msg, 'achieved_velocity', task.k)
         self.msg.error_norm = math.nan
@@ -104,7 +106,8 @@ class _TaskMessage:
         """Put the task on a level, -1 outside the hierarchy, with its velocities there."""
         self._velocities = velocities
         self.msg.level = level
-        self.msg.enabled = self.msg.active = level >= 0
+        self.msg.enabled = level >= 0
+        self.msg.active = self.msg.enabled and self._task.active
         self._requested[:] = self._achieved[:] = 0.0
 
     def refresh_target(self) -> None:
@@ -123,4 +126,7 @@ class _TaskMessage:
         self.refresh_target()
         self._current[:] = task.current
         self._error[:] = task.error
+        if isinstance(task, SetBasedTask):
+            self._distance[:] = task.distance
+            self.msg.active = self.msg.enabled and task.active
         self.msg.error_norm = float(np.sqrt(self._error @ self._error))

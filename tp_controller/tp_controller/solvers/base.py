@@ -31,6 +31,8 @@ class Rows(Protocol):
     """How it is inverted, where that differs from the solver's way."""
     weight: float
     """Its share in a weighted sum."""
+    set_based: ClassVar[bool]
+    """Whether its rows come and go."""
 
 
 Levels = Sequence[Sequence[Rows]]

@@ -38,6 +38,12 @@ class ExtendedJacobianSolver(Solver):
     def check(self, levels: Levels) -> None:
         """Check that the levels can be resolved; see `Solver.check`."""
         super().check(levels)
+        for task in (task for level in levels for task in level if task.set_based):
+            raise InvalidValue(
+                'hierarchy',
+                f'{task.name}, whose rows come and go',
+                f'tasks that always act, with solver.type {self.type}',
+            )
         rows, n = sum(task.k for level in levels for task in level), self.n
         if self.objective is None and rows != n:
             raise InvalidValue(

@@ -143,27 +143,35 @@ def resolve(J, velocity, starts, damping, region, basis, tolerance, work, qd):  
     qd[:] = 0.0
     N, spare, B, W = work[0], work[1], work[2], work[3]
     N[:n, :n] = basis
-    residual, y = work[4, 0], work[4, 1]
+    residual, y, order = work[4, 0], work[4, 1], work[4, 2]
     m = n
     for level in range(damping.size):
         first, k = starts[level], starts[level + 1] - starts[level]
         square = 0.0
+        filled = 0
         for i in range(k):
-            gap = velocity[first + i]
+            gap, length = velocity[first + i], 0.0
             for c in range(n):
-                square += J[first + i, c] * J[first + i, c]
+                length += J[first + i, c] * J[first + i, c]
                 gap -= J[first + i, c] * qd[c]
-            residual[i] = gap
+            square += length
+            # A row of zeros asks for nothing and does not even change the order of sums.
+            if length > 0.0:
+                residual[filled] = gap
+                order[filled] = first + i
+                filled += 1
         if not square < math.inf:
             return False
+        k = filled
         # The rows of B are those of J N, or its columns where those are fewer.
         tall = k > m
         p, q = (m, k) if tall else (k, m)
         for i in range(k):
+            row = int(order[i])
             for j in range(m):
                 entry = 0.0
                 for c in range(n):
-                    entry += J[first + i, c] * N[j, c]
+                    entry += J[row, c] * N[j, c]
                 if tall:
                     B[j, i] = entry
                 else:
@@ -233,5 +241,5 @@ def shorten(qd, limit):  # type: ignore[no-untyped-def]
 
 def workspace(rows: int, n: int) -> np.ndarray:
     """Space that `resolve` needs for up to ``rows`` rows in all and n joints."""
-    size = max(rows, n)
-    return np.zeros((5, size, size) if size > 1 else (5, 2, 2))
+    size = max(rows, n, 3)
+    return np.zeros((5, size, size))

@@ -4,11 +4,14 @@ from tp_controller.tasks.base import COMMON, Task
 from tp_controller.tasks.frame import FrameTask
 from tp_controller.tasks.gaze import GazeTask
 from tp_controller.tasks.joint import JointTask
+from tp_controller.tasks.joint_limits import JointLimitsTask
 from tp_controller.tasks.manipulability import ManipulabilityTask
+from tp_controller.tasks.obstacle import ObstacleTask
 from tp_controller.tasks.orientation import OrientationTask
 from tp_controller.tasks.pose import PoseTask
 from tp_controller.tasks.position import PositionTask
 from tp_controller.tasks.posture import PostureTask
+from tp_controller.tasks.set_based import SetBasedTask
 
 TASK_TYPES: dict[str, type[Task]] = {
     task.type: task
@@ -20,6 +23,8 @@ TASK_TYPES: dict[str, type[Task]] = {
         JointTask,
         PostureTask,
         ManipulabilityTask,
+        JointLimitsTask,
+        ObstacleTask,
     )
 }
 """Task classes by the ``type`` of parameter files."""
@@ -29,11 +34,14 @@ __all__ = [
     'TASK_TYPES',
     'FrameTask',
     'GazeTask',
+    'JointLimitsTask',
     'JointTask',
     'ManipulabilityTask',
+    'ObstacleTask',
     'OrientationTask',
     'PoseTask',
     'PositionTask',
     'PostureTask',
+    'SetBasedTask',
     'Task',
 ]

@@ -80,6 +80,10 @@ class Task(ABC):
     """Parameters of the kind beside the common ones, in parameter files."""
     target_words: ClassVar[str]
     """What the values of a target are, for messages."""
+    set_based: ClassVar[bool] = False
+    """Whether the rows come and go."""
+    without: ClassVar[tuple[str, ...]] = ()
+    """Common parameters that the kind has no use for."""
 
     def __init__(self, name: str, robot: Robot, components: Sequence[str]) -> None:
         self.name = name
@@ -108,6 +112,16 @@ class Task(ABC):
     def relative_to(self) -> str:
         """Name of the frame that the task is seen from, empty for the base."""
         return ''
+
+    @property
+    def active(self) -> bool:
+        """Whether the task acts now."""
+        return True
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should know of the settings."""
+        return ()
 
     @property
     @abstractmethod

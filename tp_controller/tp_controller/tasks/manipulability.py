@@ -35,6 +35,7 @@ class ManipulabilityTask(Task):
 
     type = 'manipulability'
     parameters: ClassVar[Mapping[str, Parameter]] = ManipulabilityObjective.parameters
+    without = ('target',)
     target_words = ''
 
     def __init__(self, name: str, robot: Robot, measure: ManipulabilityObjective) -> None:

@@ -72,6 +72,6 @@ def _run(config: Path, out: Path, console: Console) -> int:
         tasks = loop.state.tasks
     console.print(outcome_table(legs, script.tolerance))
     draw_errors(record, tasks, legs, out / 'errors.png')
-    draw_arm(stack.robot, record, tasks, legs, out / 'arm.png')
+    draw_arm(stack, record, tasks, legs, out / 'arm.png')
     console.print(f'Plots: {out / "errors.png"}, {out / "arm.png"}')
     return 0 if all(leg.reached(script.tolerance) for leg in legs) else 1

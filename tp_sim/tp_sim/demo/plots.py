@@ -10,16 +10,20 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from tp_controller.robot import Robot
+from tp_controller.stack import Stack
+from tp_controller.tasks import ObstacleTask
 from tp_interfaces.msg import TaskState
 from tp_sim.demo.script import Leg
 from tp_sim.harness import Record
 
 Array = NDArray[np.float64]
 
-UNITS = {'position': 'm', 'orientation': 'rad', 'gaze': 'rad', 'pose': 'm, rad'}
+UNITS = {'position': 'm', 'orientation': 'rad', 'gaze': 'rad', 'obstacle': 'm'}
+"""Units of the tasks that do not mix metres and radians."""
 COLORS: Sequence[Any] = mpl.color_sequences['tab10']
 
 
@@ -35,7 +39,7 @@ def draw_errors(
     figure = Figure(figsize=(8.0, 1.2 + 2.1 * len(tasks)), layout='constrained')
     panels = figure.subplots(len(tasks), 1, sharex=True, squeeze=False)[:, 0]
     for i, (task, axes) in enumerate(zip(tasks, panels, strict=True)):
-        axes.plot(record.time, record.error_norm[task.name], color=COLORS[i % len(COLORS)])
+        top = _draw_course(axes, record, task, COLORS[i % len(COLORS)])
         for number, leg in enumerate(legs, start=1):
             axes.axvline(leg.start, color='0.6', linestyle='--', linewidth=1.0)
             axes.annotate(
@@ -48,24 +52,42 @@ def draw_errors(
                 color='0.4',
                 fontsize=9,
             )
-        axes.set_ylabel(f'error norm [{UNITS.get(task.type, "m, rad")}]')
         axes.set_title(f'level {task.level}: {task.name}', loc='left', fontsize=10)
-        axes.set_ylim(bottom=0.0, top=max(1.1 * record.error_norm[task.name].max(), 1e-3))
+        axes.set_ylim(bottom=0.0, top=max(1.1 * top, 1e-3))
         axes.grid(alpha=0.3)
     panels[-1].set_xlabel('time [s]')
     panels[-1].set_xlim(record.time[0], record.time[-1])
-    figure.suptitle('Task errors over time')
+    some = any(task.distance for task in tasks)
+    figure.suptitle('Tasks over time' + ('; set-based ones act where it is grey' if some else ''))
     figure.savefig(path, dpi=130)
 
 
+def _draw_course(axes: Axes, record: Record, task: TaskState, color: Any) -> float:
+    """Draw the error norm of a task, or the least distance of a set-based one; return the top."""
+    if not task.distance:
+        axes.plot(record.time, record.error_norm[task.name], color=color)
+        axes.set_ylabel(f'error norm [{UNITS.get(task.type, "m, rad")}]')
+        return float(record.error_norm[task.name].max())
+    course = record.distance[task.name].min(axis=1)
+    axes.plot(record.time, course, color=color)
+    acts = record.active[task.name]
+    axes.fill_between(
+        record.time, 0.0, 1.0, where=acts, transform=axes.get_xaxis_transform(), color='0.85'
+    )
+    axes.set_ylabel(f'distance [{UNITS.get(task.type, "m, rad")}]')
+    return float(course.max())
+
+
 def draw_arm(
-    robot: Robot, record: Record, tasks: Sequence[TaskState], legs: Sequence[Leg], path: Path
+    stack: Stack, record: Record, tasks: Sequence[TaskState], legs: Sequence[Leg], path: Path
 ) -> None:
     """Draw the arm with the paths of its controlled frames and their targets as a PNG.
 
     An arm that stays in the plane z = constant is seen from above; any other one from
     above and from the side.
     """
+    robot = stack.robot
+    obstacles = [task for task in stack.tasks.values() if isinstance(task, ObstacleTask)]
     arms = _arms(robot, record.q)
     planar = np.nanmax(arms[..., 2]) - np.nanmin(arms[..., 2]) < 1e-6
     frames = dict.fromkeys(task.frame for task in tasks if task.enabled and task.frame)
@@ -78,6 +100,7 @@ def draw_arm(
     for view, axes in zip(views, panels, strict=True):
         _draw_arms(axes, view, arms, ends)
         _draw_paths(axes, view, paths)
+        _draw_obstacles(axes, view, obstacles)
         _draw_targets(axes, view, tasks, legs)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc='outside right upper', fontsize=9)
@@ -141,6 +164,15 @@ def _draw_paths(axes: Axes, view: str, paths: Mapping[str, Array]) -> None:
             label=f'path of {frame}',
             zorder=3,
         )
+
+
+def _draw_obstacles(axes: Axes, view: str, obstacles: Sequence[ObstacleTask]) -> None:
+    for task in obstacles:
+        center = dict(zip(task.target_components, task.center, strict=True))
+        if set(view) <= center.keys():
+            middle = (center[view[0]], center[view[1]])
+            axes.add_patch(Circle(middle, task.radius, color='tab:red', alpha=0.3, zorder=0))
+            axes.annotate(task.name, middle, ha='center', va='center', fontsize=9, color='0.3')
 
 
 def _draw_targets(axes: Axes, view: str, tasks: Sequence[TaskState], legs: Sequence[Leg]) -> None:

@@ -48,7 +48,7 @@ class Progress:
         self._bars.console.print(title)
         self._largest.clear()
         for task in state.tasks:
-            if task.name not in self._ids:
+            if task.name not in self._ids and not task.distance:
                 label = f'level {task.level} {task.name}' if task.enabled else f'idle {task.name}'
                 self._ids[task.name] = self._bars.add_task(label, total=1.0, error=0.0)
         self.follow(state)

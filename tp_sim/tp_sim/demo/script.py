@@ -194,7 +194,7 @@ class Leg:
         self.errors = {
             task.name: task.error_norm
             for task in loop.state.tasks
-            if task.enabled or task.name in self.tasks
+            if (task.enabled and not task.distance) or task.name in self.tasks
         }
 
     def reached(self, tolerance: float) -> bool:

@@ -35,6 +35,10 @@ class Record(NamedTuple):
     """Task errors (N, k), desired - current."""
     error_norm: dict[str, Array]
     """Norms of the task errors (N,)."""
+    distance: dict[str, Array]
+    """Distances of set-based tasks from their boundaries (N, k) [m, rad]; others (N, 0)."""
+    active: dict[str, Array]
+    """Whether each task acts (N,)."""
     requested: dict[str, Array]
     """Desired task velocities (N, k); zero outside the hierarchy."""
     achieved: dict[str, Array]
@@ -123,6 +127,8 @@ class Recorder:
             current=each('current'),
             error=each('error'),
             error_norm=each('error_norm'),
+            distance=each('distance'),
+            active=each('active'),
             requested=each('requested_velocity'),
             achieved=each('achieved_velocity'),
         )

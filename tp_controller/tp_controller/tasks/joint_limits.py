@@ -1,0 +1,130 @@
+"""Joints kept inside a range."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.errors import InvalidValue, listed, shown
+from tp_controller.parameters import NUMBERS, TEXTS, Parameter
+from tp_controller.robot import Robot
+from tp_controller.tasks.set_based import THRESHOLDS, SetBasedTask
+
+Vector = NDArray[np.float64]
+
+
+class JointLimitsTask(SetBasedTask):
+    """Keeps joints inside a range, one row per joint: the distance from its nearer end.
+
+    Parameters
+    ----------
+    name
+        Name of the task.
+    robot
+        The robot that carries the task out.
+    joints
+        Names of the joints; all of them when left out.
+    lower, upper
+        The range [rad, m], one value or one per joint; the robot's limits when left out. An
+        end may be infinite.
+    period
+        Time [s] of one step; infinite if unknown.
+    activation, release
+        The two thresholds [rad, m].
+
+    Raises
+    ------
+    InvalidValue
+        If a joint is unknown, a range is empty, of a wrong number of values or not to be
+        had, or as `SetBasedTask`.
+    """
+
+    type = 'joint_limits'
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        'joints': Parameter(TEXTS, 'Joints to be kept in range; all of them when left out'),
+        'min': Parameter(
+            NUMBERS,
+            'Lower end of the range [rad, m], one value or one per joint; the limit of the robot '
+            'when left out',
+        ),
+        'max': Parameter(NUMBERS, 'Upper end, in the same way'),
+        **THRESHOLDS,
+    }
+    without = ('target',)
+    target_words = ''
+
+    def __init__(
+        self,
+        name: str,
+        robot: Robot,
+        joints: Sequence[str] | None = None,
+        lower: Sequence[float] | None = None,
+        upper: Sequence[float] | None = None,
+        period: float = math.inf,
+        activation: float | None = None,
+        release: float | None = None,
+    ) -> None:
+        names = robot.joints if joints is None else tuple(joints)
+        indices = np.array(robot.joint_indices(names))
+        if not names:
+            raise InvalidValue('joints', 'no joint', f'some of {listed(robot.joints)}')
+        self._lower = _ends('min', lower, robot.limits.position_min[indices])
+        self._upper = _ends('max', upper, robot.limits.position_max[indices])
+        if not np.all(self._lower < self._upper):
+            raise InvalidValue(
+                'min', f'{shown(self._lower)} with max {shown(self._upper)}', 'values below max'
+            )
+        if np.isinf(self._lower).all() and np.isinf(self._upper).all():
+            raise InvalidValue(
+                'min', 'no value', 'min or max, or robot.limits.position_min or position_max'
+            )
+        travel = robot.limits.velocity[indices] * period
+        super().__init__(name, robot, names, travel, activation, release)
+        self._indices = indices
+
+    @classmethod
+    def from_parameters(
+        cls, name: str, robot: Robot, values: Mapping[str, Any]
+    ) -> JointLimitsTask:
+        """Make the task from checked values."""
+        return cls(
+            name,
+            robot,
+            values['joints'],
+            values['min'],
+            values['max'],
+            values['period'],
+            values['activation'],
+            values['release'],
+        )
+
+    @property
+    def target_components(self) -> tuple[str, ...]:
+        """Nothing: there is no target."""
+        return ()
+
+    @property
+    def current(self) -> Vector:
+        """Present positions (k,) [rad, m]; a copy."""
+        return self.robot.q[self._indices]
+
+    def measure(self) -> None:
+        """Fill the distances from the nearer ends and their derivative."""
+        q = self.robot.q[self._indices]
+        below = q - self._lower < self._upper - q
+        self.distance[:] = np.where(below, q - self._lower, self._upper - q)
+        self._slope[np.arange(self.k), self._indices] = np.where(below, 1.0, -1.0)
+
+
+def _ends(key: str, values: Sequence[float] | None, otherwise: Vector) -> Vector:
+    if values is None:
+        return otherwise
+    if len(values) not in (1, otherwise.size):
+        raise InvalidValue(
+            key, f'{len(values)} values {shown(values)}', f'1 value or {otherwise.size}'
+        )
+    return np.broadcast_to(np.array(values, dtype=float), otherwise.shape)

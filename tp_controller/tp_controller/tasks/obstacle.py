@@ -1,0 +1,142 @@
+"""A frame kept out of a circle or a sphere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.errors import InvalidValue, shown
+from tp_controller.parameters import NUMBER, NUMBERS, REQUIRED, TEXT, Parameter
+from tp_controller.robot import Robot
+from tp_controller.tasks.frame import FRAME, LABELS, axis_rows
+from tp_controller.tasks.set_based import THRESHOLDS, SetBasedTask
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+class ObstacleTask(SetBasedTask):
+    """Keeps the origin of a frame out of a sphere; with two axes out of a circle.
+
+    The distance is ``‖p - c‖ - radius`` along the axes, its derivative the outward unit
+    vector times the rows of the frame's linear velocity. A goal moves the centre.
+
+    Parameters
+    ----------
+    name
+        Name of the task.
+    robot
+        The robot that carries the task out.
+    frame
+        Name of the frame.
+    center
+        Centre, one coordinate per axis [m] in the base frame.
+    radius
+        Radius [m].
+    axes
+        Letters of the base axes that count: xyz for a sphere, xy for a cylinder along z.
+    period
+        Time [s] of one step; infinite if unknown.
+    activation, release
+        The two thresholds [m].
+
+    Raises
+    ------
+    InvalidValue
+        If the robot has no such frame, the centre or the radius cannot be used, or as
+        `SetBasedTask`.
+    """
+
+    type = 'obstacle'
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        **FRAME,
+        'center': Parameter(
+            NUMBERS, 'Centre of the obstacle [m], one value per axis', default=REQUIRED
+        ),
+        'radius': Parameter(NUMBER, 'Radius of the obstacle [m]', default=REQUIRED, above=0.0),
+        'axes': Parameter(
+            TEXT, 'Axes that count: xyz for a sphere, xy for a cylinder along z', default='xyz'
+        ),
+        **THRESHOLDS,
+    }
+    without = ('target',)
+    target_words = 'centre per axis [m]'
+
+    def __init__(
+        self,
+        name: str,
+        robot: Robot,
+        frame: str,
+        center: Sequence[float],
+        radius: float,
+        axes: str = 'xyz',
+        period: float = math.inf,
+        activation: float | None = None,
+        release: float | None = None,
+    ) -> None:
+        self.frame, self.reference = robot.frame(frame), robot.base
+        self.rows = np.array(axis_rows('axes', axes))
+        if not 0.0 < radius < math.inf:
+            raise InvalidValue('radius', shown(radius), 'a number above 0')
+        self.radius = radius
+        reach = robot.reach(frame)
+        # A joint that cannot move the frame does not count, however fast it is.
+        moves = reach > 0.0
+        travel = float(reach[moves] @ robot.limits.velocity[moves]) * period
+        super().__init__(name, robot, ['distance'], np.array([travel]), activation, release)
+        try:
+            self.target = center
+        except InvalidValue as error:
+            raise InvalidValue('center', error.got, error.accepts) from None
+
+    @classmethod
+    def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> ObstacleTask:
+        """Make the task from checked values."""
+        return cls(
+            name,
+            robot,
+            values['frame'],
+            values['center'],
+            values['radius'],
+            values['axes'],
+            values['period'],
+            values['activation'],
+            values['release'],
+        )
+
+    @property
+    def frame_name(self) -> str:
+        """Name of the frame."""
+        return self.frame.name
+
+    @property
+    def target_components(self) -> tuple[str, ...]:
+        """Letters of the axes, for the centre."""
+        return tuple(LABELS[row] for row in self.rows)
+
+    @property
+    def current(self) -> Vector:
+        """Present position of the frame per axis [m]; a copy."""
+        return self.frame.position[self.rows]
+
+    @property
+    def center(self) -> Vector:
+        """Centre along the axes [m], the target; a copy."""
+        return self._target.copy()
+
+    def target_from_pose(self, position: Vector, rotation: Matrix) -> Vector:
+        """Coordinates of the position (3,) along the axes."""
+        return position[self.rows]
+
+    def measure(self) -> None:
+        """Fill the distance from the surface and its derivative."""
+        way = self.frame.position[self.rows] - self._target
+        length = math.sqrt(way @ way)
+        # In the very centre every direction leads out.
+        outward = way / length if length > 0.0 else np.eye(len(self.rows))[0]
+        self.distance[0] = length - self.radius
+        np.dot(outward, self.frame.jacobian[self.rows], out=self._slope[0])
