@@ -35,9 +35,9 @@ class ExtendedJacobianSolver(Solver):
 
     type = 'extended_jacobian'
 
-    def check(self, levels: Levels) -> None:
+    def check(self, levels: Levels, damping: float | None = None) -> None:
         """Check that the levels can be resolved; see `Solver.check`."""
-        super().check(levels)
+        super().check(levels, damping)
         rows, n = sum(task.k for level in levels for task in level), self.n
         if self.objective is None and rows != n:
             raise InvalidValue(
