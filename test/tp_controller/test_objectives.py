@@ -158,6 +158,11 @@ def test_a_posture_needs_one_position_per_joint():
         PostureObjective(robot_of(planar_block(1.0, 1.0)), [0.0])
 
 
+def test_a_posture_that_is_not_finite_is_refused():
+    with pytest.raises(InvalidValue, match='finite'):
+        PostureObjective(robot_of(planar_block(1.0, 1.0)), [0.0, np.nan])
+
+
 def extended(robot, positions, strength=1.0, **tip):
     """Stack of a planar arm whose tip has a place and whose rest is near a posture."""
     n = len(robot['joints'])
