@@ -27,7 +27,9 @@ class ExtendedJacobianSolver(Solver):
 
         ∂g/∂q = Zᵀ ∂(∇H - Jᵀ μ)/∂q,  μ = (J⁺)ᵀ ∇H held
 
-    (what is left out vanishes with g). The derivative is taken by central differences.
+    What is left out, ``(∂Zᵀ/∂q Z) g``, only turns g: ``‖g‖`` falls by ``exp(-κ t)`` where the
+    tasks have full rank. The derivative is taken by central differences; docs/schemes.md has
+    the derivation.
 
     Being square, the system has one answer: a closed path of the tasks is a closed path of
     the joints, away from singularities, where the chosen inverse acts.
