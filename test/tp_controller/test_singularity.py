@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 import runpy
 from functools import cache
 
@@ -78,6 +79,25 @@ def test_the_command_changes_little_from_step_to_step_where_the_region_is_twice_
 ):
     """At most 4 rad/s², a fiftieth of the pseudo-inverse's."""
     assert run('adaptive', damping, 2.0 * damping).largest_acceleration < 4.0
+
+
+def test_the_table_of_the_documentation_is_the_one_of_these_runs(repository, run):
+    text = (repository / 'docs' / 'schemes.md').read_text(encoding='utf-8')
+    rows = re.findall(r'^│ (pinv|dls|adaptive) +│(.*)│$', text, flags=re.MULTILINE)
+    assert len(rows) == len(CASES)
+    for inverse, cells in rows:
+        values = [float(cell) if cell.strip() else None for cell in cells.split('│')]
+        result = run(inverse, *values[:2])
+        found = (
+            result.wanted.max(),
+            100.0 * np.mean(result.scale < 1.0),
+            1e3 * result.error.max(),
+            1e3 * result.rms_error,
+            result.largest_acceleration,
+        )
+        # What the pseudo-inverse does at the singularity hangs on rounding.
+        tolerance = 0.5 if inverse == 'pinv' else 0.02
+        assert values[2:] == pytest.approx(found, rel=tolerance, abs=0.06)
 
 
 @pytest.mark.parametrize('ratio', [0.5, 1.0, 1.4, 1.5, 2.0, 4.0])
