@@ -158,6 +158,11 @@ def test_a_posture_needs_one_position_per_joint():
         PostureObjective(robot_of(planar_block(1.0, 1.0)), [0.0])
 
 
+def test_a_posture_that_is_not_finite_is_refused():
+    with pytest.raises(InvalidValue, match='finite'):
+        PostureObjective(robot_of(planar_block(1.0, 1.0)), [0.0, np.nan])
+
+
 def extended(robot, positions, strength=1.0, **tip):
     """Stack of a planar arm whose tip has a place and whose rest is near a posture."""
     n = len(robot['joints'])
@@ -201,6 +206,25 @@ def test_at_an_optimum_the_extended_jacobian_moves_the_tip_and_stays_at_the_opti
         stack.robot.update(q)
         rates.append(projected(stack, q))
     np.testing.assert_allclose((rates[0] - rates[1]) / (2.0 * H), np.zeros(n), atol=1e-6)
+
+
+@given(vectors(5, 1), vectors(5, 2), vectors(2, 1), numbers(0.2, 5))
+@examples(40)
+def test_far_from_the_optimum_the_projected_gradient_falls_at_its_gain(
+    turn, positions, velocity, strength
+):
+    """Its norm by ``exp(-κ t)``, whatever the tip does meanwhile: what ∂g/∂q omits turns it."""
+    q = np.array([0.3, 0.8, -0.9, 0.7, 1.0]) + 0.2 * np.array(turn)
+    stack = extended(planar_block(*[1.0] * 5), positions, strength, feedforward=velocity)
+    command = stack.step(q).command.copy()
+    assume(np.abs(command).max() < 20.0)
+    norms = []
+    for shift in (0.0, H, -H):
+        stack.robot.update(q + shift * command)
+        norms.append(np.linalg.norm(projected(stack, q + shift * command)))
+    assume(norms[0] > 1e-2)
+    rate = (norms[1] - norms[2]) / (2.0 * H)
+    assert rate == pytest.approx(-strength * norms[0], rel=1e-4, abs=1e-6)
 
 
 @given(bent, st.integers(3, 4), vectors(4, 0.2))

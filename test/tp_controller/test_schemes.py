@@ -7,13 +7,15 @@ from hypothesis import strategies as st
 from plain_levels import random_levels, resolve
 from random_stacks import arms, examples, numbers, parameters, planar_arms, states
 from references import away_from_rank_changes, clear_pinv, recursion
-from small_arms import planar_block
+from small_arms import planar_block, planar_robot
 
 from tp_controller import InvalidValue, build_settings
+from tp_controller.objectives import PostureObjective
 from tp_controller.solvers import (
     AugmentedSolver,
     ExtendedJacobianSolver,
     Inverse,
+    ProjectedGradientSolver,
     RecursiveSolver,
     WeightedSolver,
 )
@@ -265,6 +267,25 @@ def test_projected_gradient_adds_the_gradient_in_what_the_tasks_leave(case):
     expected += stack.solver.objective.gain * P @ gradient
     size = max(1.0, float(np.abs(expected).max()))
     np.testing.assert_allclose(command, expected, atol=1e-8 * size)
+
+
+@given(seeds, st.lists(st.integers(1, 2), min_size=1, max_size=2), dampings, numbers(0.1, 3))
+@examples(60)
+def test_projected_gradient_with_joint_weights_projects_in_their_metric(seed, rows, damping, gain):
+    """What the levels leave free, and nothing else, is nearest to the gradient in the metric."""
+    levels, W = random_levels(seed, 6, rows), random_weights(seed, 6)
+    J, _ = stacked(levels)
+    assume(np.linalg.cond(J) < 1e3)
+    objective = PostureObjective(planar_robot(*[1.0] * 6), np.arange(6) / 3)
+    objective.gain = gain
+    gradient = np.zeros(6)
+    objective.climb(gradient)
+    inverse = damped(damping)
+    plain = resolve(RecursiveSolver(6, inverse, W.ravel()), levels)
+    qd = resolve(ProjectedGradientSolver(6, inverse, W.ravel(), objective), levels)
+    np.testing.assert_allclose(J @ qd, J @ plain, atol=1e-8)
+    Z = np.linalg.svd(J)[2][len(J) :].T
+    np.testing.assert_allclose(Z.T @ W @ (qd - gradient), np.zeros(6 - len(J)), atol=1e-7)
 
 
 def test_projected_gradient_needs_an_objective():

@@ -122,8 +122,17 @@ class Stack:
             task.update()
         return self._J
 
-    def check_hierarchy(self, hierarchy: Sequence[str]) -> list[list[Task]]:
+    def check_hierarchy(
+        self, hierarchy: Sequence[str], damping: float | None = None
+    ) -> list[list[Task]]:
         """Tasks of every level.
+
+        Parameters
+        ----------
+        hierarchy
+            Task names by level, highest first.
+        damping
+            λ that the solver is to have; the present one when left out.
 
         Raises
         ------
@@ -143,7 +152,7 @@ class Stack:
                 raise InvalidValue('hierarchy', f'{shown(name)} twice', 'every task once')
             seen.add(name)
         members = [[self.tasks[name] for name in names] for names in levels]
-        self.solver.check(members)
+        self.solver.check(members, damping)
         return members
 
     def level_of(self, name: str) -> int:

@@ -9,8 +9,11 @@ from typing import Any
 from tp_controller.config.build import Settings
 from tp_controller.errors import InvalidValue, shown
 from tp_controller.parameters import Parameter, alternatives
+from tp_controller.stack import Stack
 
 LIMITS = 'robot.limits.'
+DAMPING = 'solver.damping'
+HIERARCHY = 'hierarchy'
 
 
 def check_changes(
@@ -47,12 +50,13 @@ def check_changes(
     if given:
         limits = stack.robot.limits.replaced(**given)
         steps.append(partial(setattr, stack.robot, 'limits', limits))
+    _check_levels(stack, checked)
+    # The damping first: the levels are checked again, with it, when they are set.
+    if DAMPING in checked:
+        steps.append(partial(setattr, stack.solver, 'damping', checked[DAMPING]))
     for key, value in checked.items():
-        if key == 'hierarchy':
-            stack.check_hierarchy(value)
+        if key == HIERARCHY:
             steps.append(partial(setattr, stack, 'hierarchy', value))
-        elif key == 'solver.damping':
-            steps.append(partial(setattr, stack.solver, 'damping', value))
         elif key == 'solver.objective.gain':
             steps.append(partial(setattr, stack.solver.objective, 'gain', value))
         elif key.startswith('tasks.'):
@@ -72,6 +76,19 @@ def check_changes(
             step()
 
     return apply
+
+
+def _check_levels(stack: Stack, checked: Mapping[str, Any]) -> None:
+    """Check that the levels can be resolved, as they are to be and with the damping to come."""
+    if HIERARCHY not in checked and DAMPING not in checked:
+        return
+    try:
+        stack.check_hierarchy(checked.get(HIERARCHY, stack.hierarchy), checked.get(DAMPING))
+    except InvalidValue as error:
+        if HIERARCHY in checked:
+            raise
+        got = f'{checked[DAMPING]}, which leaves {error.got}'
+        raise InvalidValue(DAMPING, got, error.accepts) from None
 
 
 def _read(key: str, value: Any, schema: Mapping[str, Parameter]) -> Any:

@@ -30,7 +30,7 @@ class PostureObjective(Objective):
     Raises
     ------
     InvalidValue
-        For a wrong number of positions.
+        For a wrong number of positions or one that is not finite.
     """
 
     type = 'posture'
@@ -47,6 +47,8 @@ class PostureObjective(Objective):
             raise InvalidValue(
                 'positions', f'{len(positions)} values {shown(positions)}', f'{robot.n} values'
             )
+        if not np.isfinite(self._positions).all():
+            raise InvalidValue('positions', shown(self._positions), 'finite numbers')
         self._wrapping = [i for i, wraps in enumerate(robot.wrapping) if wraps]
         self._way = np.zeros(robot.n)
 

@@ -90,7 +90,10 @@ class Solver(ABC):
 
     @property
     def damping(self) -> float:
-        """λ of the damped least squares, at least 0."""
+        """λ of the damped least squares, at least 0.
+
+        A new value is not checked against the levels; `check` does that beforehand.
+        """
         assert self._inverse.damping is not None
         return self._inverse.damping
 
@@ -101,8 +104,15 @@ class Solver(ABC):
         self._inverse = inverse
         self._set_rules()
 
-    def check(self, levels: Levels) -> None:
+    def check(self, levels: Levels, damping: float | None = None) -> None:
         """Check that the levels can be resolved.
+
+        Parameters
+        ----------
+        levels
+            Tasks by level, highest first.
+        damping
+            λ that the solver is to have; the present one when left out.
 
         Raises
         ------
@@ -110,10 +120,10 @@ class Solver(ABC):
             If tasks that are inverted together are to be inverted in different ways, or
             the number of rows does not suit the scheme.
         """
+        shared = self._inverse if damping is None else self._inverse._replace(damping=damping)
         for group in self.arrange(levels):
             for task in group[1:]:
-                first, other = group[0].inverse, task.inverse
-                if other.over(self._inverse) != first.over(self._inverse):
+                if task.inverse.over(shared).rule != group[0].inverse.over(shared).rule:
                     raise InvalidValue(
                         'hierarchy',
                         f'{task.name} with another inverse, damping or singular_region than '

@@ -27,7 +27,9 @@ class ExtendedJacobianSolver(Solver):
 
         ∂g/∂q = Zᵀ ∂(∇H - Jᵀ μ)/∂q,  μ = (J⁺)ᵀ ∇H held
 
-    (what is left out vanishes with g). The derivative is taken by central differences.
+    What is left out, ``(∂Zᵀ/∂q Z) g``, only turns g: ``‖g‖`` falls by ``exp(-κ t)`` where the
+    tasks have full rank. The derivative is taken by central differences; docs/schemes.md has
+    the derivation.
 
     Being square, the system has one answer: a closed path of the tasks is a closed path of
     the joints, away from singularities, where the chosen inverse acts.
@@ -35,9 +37,9 @@ class ExtendedJacobianSolver(Solver):
 
     type = 'extended_jacobian'
 
-    def check(self, levels: Levels) -> None:
+    def check(self, levels: Levels, damping: float | None = None) -> None:
         """Check that the levels can be resolved; see `Solver.check`."""
-        super().check(levels)
+        super().check(levels, damping)
         for task in (task for level in levels for task in level if task.set_based):
             raise InvalidValue(
                 'hierarchy',

@@ -21,7 +21,9 @@ class ProjectedGradientSolver(RecursiveSolver):
     """The levels as in `RecursiveSolver`, then ``qd += P κ ∇H`` (Liégeois 1977).
 
     ``P`` projects on what all levels leave free, κ is the objective's gain. With one level
-    this is the classical ``qd = J† v + (I - J⁺ J) κ ∇H``.
+    this is the classical ``qd = J† v + (I - J⁺ J) κ ∇H``. With joint weights W the projection
+    is orthogonal in their metric, ``P = N Nᵀ W``: of all answers it is the one nearest to
+    ``κ ∇H`` by ``(qd - κ ∇H)ᵀ W (qd - κ ∇H)``.
     """
 
     type = 'projected_gradient'
@@ -44,8 +46,10 @@ class ProjectedGradientSolver(RecursiveSolver):
     ) -> None:
         """Get ready for levels; see `Solver.prepare`."""
         super().prepare(levels, jacobian_at)
-        self._J = np.vstack([np.zeros((self.k, self.n)), np.eye(self.n)])
-        self._velocity = np.zeros(self.k + self.n)
+        # The gradient is a last level, seen in coordinates Lᵀ qd where the metric is plain.
+        self._Lt = np.ascontiguousarray(np.linalg.inv(self._basis).T)
+        self._J = np.vstack([np.zeros((self.k, self.n)), self._Lt])
+        self._velocity, self._gradient = np.zeros(self.k + self.n), np.zeros(self.n)
         self._starts = np.append(self._starts, self.k + self.n)
 
     def _set_rules(self) -> None:
@@ -57,5 +61,6 @@ class ProjectedGradientSolver(RecursiveSolver):
         self._J[: self.k] = J
         self._velocity[: self.k] = velocity
         assert self.objective is not None
-        self.objective.climb(self._velocity[self.k :])
+        self.objective.climb(self._gradient)
+        np.dot(self._Lt, self._gradient, out=self._velocity[self.k :])
         self._resolve(self._J, self._velocity, qd)
