@@ -17,8 +17,8 @@ class Rows(NamedTuple):
     set_based: bool = False
 
 
-def resolve(solver, levels, **settings):
-    """Joint velocity (n,) of a solver for levels (J, velocity).
+def resolve(solver, levels, limit=np.inf, **settings):
+    """Joint velocity (n,) of a solver for levels (J, velocity), with a limit for every joint.
 
     Each of the settings of `Rows` has one value per level.
     """
@@ -30,7 +30,10 @@ def resolve(solver, levels, **settings):
     solver.prepare(rows)
     qd = np.full(solver.n, 7.0)
     solver.solve(
-        np.vstack([J for J, _ in levels]), np.concatenate([velocity for _, velocity in levels]), qd
+        np.vstack([J for J, _ in levels]),
+        np.concatenate([velocity for _, velocity in levels]),
+        np.broadcast_to(np.array(limit, dtype=float), qd.shape).copy(),
+        qd,
     )
     return qd
 

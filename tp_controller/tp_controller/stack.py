@@ -35,7 +35,7 @@ class Step(NamedTuple):
     command: Vector
     """Joint velocity (n,) [rad/s, m/s]; a read-only view that the next step overwrites."""
     scale: float
-    """Factor that brought the command into the velocity limits, 1 if none was reached."""
+    """What the velocity limits cost, see `Solver.solve`; 1 if none was reached."""
     levels: tuple[LevelResult, ...]
     """One result per level, highest first."""
 
@@ -72,9 +72,6 @@ class Stack:
         self._command = _read_only(self._qd)
         self._members: list[list[Task]] = []
         self.hierarchy = hierarchy
-        from tp_controller.solvers.kernel import shorten
-
-        self._shorten = shorten
 
     @property
     def hierarchy(self) -> Sequence[str]:
@@ -193,12 +190,12 @@ class Stack:
                 for task, velocity in self._parts:
                     task.update()
                     task.desired_velocity(velocity)
-                self.solver.solve(self._J, self._velocity, self._qd)
+                limit = self.robot.limits.velocity
+                scale = self.solver.solve(self._J, self._velocity, limit, self._qd)
         except np.linalg.LinAlgError:
             self._refuse(q)
         if self._unaimed:
             self._unaimed, self._held = [], []
-        scale = self._shorten(self._qd, self.robot.limits.velocity)
         np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
 

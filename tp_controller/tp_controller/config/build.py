@@ -164,6 +164,7 @@ def build_stack(robot: Robot, values: Flat) -> Stack:
         Inverse(*(values[f'solver.{key}'] for key in INVERSE)),
         values['solver.joint_weights'],
         _objective(robot, values),
+        values['solver.saturation'],
     )
     return Stack(robot, tasks, values['hierarchy'], solver)
 

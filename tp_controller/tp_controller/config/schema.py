@@ -18,7 +18,7 @@ from tp_controller.parameters import (
     Parameter,
 )
 from tp_controller.robot.dh import CONVENTIONS, JOINT_TYPES
-from tp_controller.solvers import DEFAULT, INVERSES, SOLVER_TYPES
+from tp_controller.solvers import DEFAULT, INVERSES, SATURATIONS, SOLVER_TYPES
 from tp_controller.tasks import COMMON, TASK_TYPES
 
 URDF = 'robot.urdf'
@@ -110,6 +110,13 @@ CONTROLLER: Mapping[str, Parameter] = {
     'solver.joint_weights': Parameter(
         NUMBERS,
         'W of the norm qdᵀ W qd to minimise: one value, one per joint, or a full matrix',
+    ),
+    'solver.saturation': Parameter(
+        TEXT,
+        'At the velocity limits: scale the whole command, or hold joints and scale only what '
+        'is infeasible, lowest levels first',
+        default=SATURATIONS[0],
+        choices=SATURATIONS,
     ),
     'solver.objective.type': Parameter(
         TEXT,

@@ -1,7 +1,7 @@
 """Ways to resolve a hierarchy of task velocities into joint velocities."""
 
 from tp_controller.solvers.augmented import AugmentedSolver
-from tp_controller.solvers.base import Levels, Rows, Solver
+from tp_controller.solvers.base import SATURATIONS, Levels, Rows, Solver
 from tp_controller.solvers.extended_jacobian import ExtendedJacobianSolver
 from tp_controller.solvers.inverses import DEFAULT, INVERSES, Inverse
 from tp_controller.solvers.projected_gradient import ProjectedGradientSolver
@@ -23,6 +23,7 @@ SOLVER_TYPES: dict[str, type[Solver]] = {
 __all__ = [
     'DEFAULT',
     'INVERSES',
+    'SATURATIONS',
     'SOLVER_TYPES',
     'AugmentedSolver',
     'ExtendedJacobianSolver',

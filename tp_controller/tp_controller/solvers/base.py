@@ -10,12 +10,14 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import InvalidValue, shown
+from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.objectives import Objective
 from tp_controller.solvers.inverses import DEFAULT, Inverse
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
+
+SATURATIONS = ('uniform', 'null_space')
 
 RANK_TOLERANCE = 1e-8
 """Singular values below this share of ‖J‖ (Frobenius) do not count towards the rank."""
@@ -58,11 +60,15 @@ class Solver(ABC):
         section 3.5.1).
     objective
         Function of the configuration to be made large, for the schemes that use one.
+    saturation
+        What is done at the velocity limits. ``uniform``: the whole velocity is scaled, so
+        its direction is kept. ``null_space``: joints are held at their limits, others make
+        up for them, and only what is infeasible is scaled, the lowest levels first.
 
     Raises
     ------
     InvalidValue
-        For an inverse, weights or an objective that cannot be used.
+        For an inverse, weights, an objective or a saturation that cannot be used.
     """
 
     type: ClassVar[str]
@@ -74,6 +80,7 @@ class Solver(ABC):
         inverse: Inverse = DEFAULT,
         joint_weights: Sequence[float] | None = None,
         objective: Objective | None = None,
+        saturation: str = SATURATIONS[0],
     ) -> None:
         self.n = n
         self.objective = objective
@@ -82,6 +89,10 @@ class Solver(ABC):
         self._basis = _basis(n, joint_weights)
         self._tolerance = RANK_TOLERANCE * float(np.linalg.norm(self._basis, 2))
         self._groups: Levels = ()
+        if saturation not in SATURATIONS:
+            accepts = f'one of {listed(SATURATIONS)}'
+            raise InvalidValue('solver.saturation', shown(saturation), accepts)
+        self._holds_joints = saturation == 'null_space'
 
     @property
     def inverse(self) -> Inverse:
@@ -146,27 +157,28 @@ class Solver(ABC):
         """
         # Compiled, or loaded, when levels are there that can be resolved: nobody waits for a
         # compiler to be told of a mistake, and a simulator never needs it.
-        from tp_controller.solvers import kernel
+        from tp_controller.solvers import kernel, saturation
 
-        self._kernel = kernel
+        self._kernel, self._within = kernel, saturation.resolve_within
         self._groups = self.arrange(levels)
         self._jacobian_at = jacobian_at
         sizes = [sum(task.k for task in group) for group in self._groups]
         self._starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         self.k = int(self._starts[-1])
-        self._work = self._kernel.workspace(self.k + self.n, self.n)
+        self._work = kernel.workspace(self.k + self.n, self.n)
+        # One more than groups: a scheme may add a level of its own.
+        self._shares = np.ones(len(self._groups) + 1)
         self._set_rules()
 
     def _set_rules(self) -> None:
         rules = [group[0].inverse.over(self._inverse).rule for group in self._groups]
-        self._damping = np.array([damping for damping, _ in rules])
-        self._region = np.array([region for _, region in rules])
+        self._rules = np.array(rules, dtype=float).reshape(-1, 2)
 
     def arrange(self, levels: Levels) -> Levels:
         """Groups of tasks that are inverted together; all of them unless overridden."""
         return [list(chain.from_iterable(levels))] if levels else []
 
-    def solve(self, J: Matrix, velocity: Vector, qd: Vector) -> None:
+    def solve(self, J: Matrix, velocity: Vector, limit: Vector, qd: Vector) -> float:
         """Write the joint velocity (n,) that answers the levels to ``qd``.
 
         Parameters
@@ -175,27 +187,33 @@ class Solver(ABC):
             Task Jacobians of all levels (K, n), highest first.
         velocity
             Desired task velocities (K,).
+        limit
+            Largest speed of every joint (n,) [rad/s, m/s]; infinite if there is none.
+
+        Returns
+        -------
+        float
+            The factor from 0 to 1 that the limits cost: of the whole velocity, or with
+            saturation in the null space of the level that lost most.
 
         Raises
         ------
         numpy.linalg.LinAlgError
             If a Jacobian is not finite or leaves the range of floats.
         """
-        self._resolve(J, velocity, qd)
+        return self._resolve(J, velocity, limit, qd)
 
-    def _resolve(self, J: Matrix, velocity: Vector, qd: Vector) -> None:
-        if not self._kernel.resolve(
-            J,
-            velocity,
-            self._starts,
-            self._damping,
-            self._region,
-            self._basis,
-            self._tolerance,
-            self._work,
-            qd,
-        ):
+    def _resolve(self, J: Matrix, velocity: Vector, limit: Vector, qd: Vector) -> float:
+        levels = (J, velocity, self._starts, self._rules, self._basis, self._tolerance)
+        if self._holds_joints:
+            finite = self._within(*levels, limit, self._work, self._shares, qd)
+            scale = float(self._shares.min())
+        else:
+            finite = self._kernel.resolve(*levels, self._work, qd)
+            scale = self._kernel.shorten(qd, limit) if finite else 1.0
+        if not finite:
             raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
+        return scale
 
 
 def _basis(n: int, joint_weights: Sequence[float] | None) -> Matrix:

@@ -71,11 +71,10 @@ class ExtendedJacobianSolver(Solver):
         if self.objective is not None and len(self._starts) > 1:
             self._starts[-1] = self.n
 
-    def solve(self, J: Matrix, velocity: Vector, qd: Vector) -> None:
+    def solve(self, J: Matrix, velocity: Vector, limit: Vector, qd: Vector) -> float:
         """Write the joint velocity (n,) to ``qd``; see `Solver.solve`."""
         if self.objective is None:
-            self._resolve(J, velocity, qd)
-            return
+            return self._resolve(J, velocity, limit, qd)
         k = self.k
         self._J[:k], self._velocity[:k] = J, velocity
         self.objective.gradient(self._gradient)
@@ -86,7 +85,7 @@ class ExtendedJacobianSolver(Solver):
         self._differentiate(mu)
         np.dot(Z, self._slope, out=self._J[k:])
         self._velocity[k:] = -self.objective.gain * (Z @ self._gradient)
-        self._resolve(self._J, self._velocity, qd)
+        return self._resolve(self._J, self._velocity, limit, qd)
 
     def _differentiate(self, mu: Vector) -> None:
         """Fill the slope ∂(∇H - Jᵀ μ)/∂q (n, n) at the present configuration."""

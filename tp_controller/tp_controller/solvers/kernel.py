@@ -62,7 +62,7 @@ def _orthogonalise(B, W, p, q):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _reduce(N, spare, V, x, rank, m, n):  # type: ignore[no-untyped-def]
+def reduce_basis(N, spare, V, x, rank, m, n):  # type: ignore[no-untyped-def]
     """Take directions out of a basis: its m rows (n,) become m - rank.
 
     The directions are the ``rank`` orthonormal rows (m,) of V, in coordinates of the basis;
@@ -107,11 +107,103 @@ def _reflect(x, normal, first, m):  # type: ignore[no-untyped-def]
         x[c] -= 2.0 * along * normal[c]
 
 
+@njit(cache=True)
+def gather(J, velocity, first, k, qd, order, residual):  # type: ignore[no-untyped-def]
+    """List a level's rows that are not zero, and what is left of their velocities.
+
+    A row of zeros asks for nothing, and without it not even the order of sums changes.
+
+    Returns
+    -------
+    int, float
+        How many there are, and the square of their Frobenius norm.
+    """
+    square = 0.0
+    filled = 0
+    for i in range(first, first + k):
+        gap, length = velocity[i], 0.0
+        for c in range(qd.size):
+            length += J[i, c] * J[i, c]
+            gap -= J[i, c] * qd[c]
+        square += length
+        if length > 0.0:
+            residual[filled] = gap
+            order[filled] = i
+            filled += 1
+    return filled, square
+
+
+@njit(cache=True)
+def invert(J, order, k, N, m, rule, smallest, sides, answers, count, B, W):  # type: ignore[no-untyped-def]
+    """Answer right sides by a filtered inverse of ``J N``, in coordinates of the basis N.
+
+    Parameters
+    ----------
+    J, order, k
+        Rows (K, n), and which k of them count.
+    N, m
+        The m rows (n,) of the basis.
+    rule
+        λ and ε: a direction of singular value s is damped by ``λ² max(0, 1 - (s/ε)²)``.
+    smallest
+        Singular values up to this one count for nothing.
+    sides, answers, count
+        ``count`` right sides (k,), and room for their answers (m,), one per row.
+    B, W
+        Space to work in. The first rows (m,) of B are then orthonormal: the directions that
+        the level has taken.
+
+    Returns
+    -------
+    int
+        The rank.
+    """
+    n = N.shape[1]
+    # The rows of B are those of J N, or its columns where those are fewer.
+    tall = k > m
+    p, q = (m, k) if tall else (k, m)
+    for i in range(k):
+        row = int(order[i])
+        for j in range(m):
+            entry = 0.0
+            for c in range(n):
+                entry += J[row, c] * N[j, c]
+            if tall:
+                B[j, i] = entry
+            else:
+                B[i, j] = entry
+    _orthogonalise(B, W, p, q)
+    for side in range(count):
+        for c in range(m):
+            answers[side, c] = 0.0
+    rank = 0
+    for i in range(p):
+        s = 0.0
+        for c in range(q):
+            s += B[i, c] * B[i, c]
+        s = math.sqrt(s)
+        # Directions outside the rank stay out: damping near 0 would amplify rounding.
+        if not s > smallest:
+            continue
+        near = 1.0 - (s / rule[1]) ** 2
+        filtered = s * s + (rule[0] ** 2 * near if near > 0.0 else 0.0)
+        left, right = (B, W) if tall else (W, B)
+        for side in range(count):
+            along = 0.0
+            for c in range(k):
+                along += left[i, c] * sides[side, c]
+            for c in range(m):
+                answers[side, c] += along / filtered * right[i, c]
+        for c in range(m):
+            B[rank, c] = W[i, c] if tall else B[i, c] / s
+        rank += 1
+    return rank
+
+
 @njit(
-    boolean(ROWS, COLUMN, int64[::1], COLUMN, COLUMN, ROWS, float64, float64[:, :, ::1], COLUMN),
-    cache=True,
+    boolean(ROWS, COLUMN, int64[::1], ROWS, ROWS, float64, float64[:, :, ::1], COLUMN), cache=True
 )
-def resolve(J, velocity, starts, damping, region, basis, tolerance, work, qd):  # type: ignore[no-untyped-def]
+def resolve(J, velocity, starts, rules, basis, tolerance, work, qd):  # type: ignore[no-untyped-def]
     """Resolve levels one after the other, each in the null space of those above it.
 
     Parameters
@@ -122,9 +214,8 @@ def resolve(J, velocity, starts, damping, region, basis, tolerance, work, qd):  
         Desired task velocity (K,).
     starts
         First row of every level, then K (levels + 1,).
-    damping, region
-        λ and ε of every level (levels,): a direction of singular value s is damped by
-        ``λ² max(0, 1 - (s/ε)²)``.
+    rules
+        λ and ε of every level (levels, 2), see `invert`.
     basis
         Rows (n, n) that span the joint velocities, orthonormal in the metric to minimise.
     tolerance
@@ -143,74 +234,22 @@ def resolve(J, velocity, starts, damping, region, basis, tolerance, work, qd):  
     qd[:] = 0.0
     N, spare, B, W = work[0], work[1], work[2], work[3]
     N[:n, :n] = basis
-    residual, y, order = work[4, 0], work[4, 1], work[4, 2]
+    sides, answers, order = work[4, 0:1], work[4, 1:2], work[4, 2]
     m = n
-    for level in range(damping.size):
+    for level in range(starts.size - 1):
         first, k = starts[level], starts[level + 1] - starts[level]
-        square = 0.0
-        filled = 0
-        for i in range(k):
-            gap, length = velocity[first + i], 0.0
-            for c in range(n):
-                length += J[first + i, c] * J[first + i, c]
-                gap -= J[first + i, c] * qd[c]
-            square += length
-            # A row of zeros asks for nothing and does not even change the order of sums.
-            if length > 0.0:
-                residual[filled] = gap
-                order[filled] = first + i
-                filled += 1
+        k, square = gather(J, velocity, first, k, qd, order, sides[0])
         if not square < math.inf:
             return False
-        k = filled
-        # The rows of B are those of J N, or its columns where those are fewer.
-        tall = k > m
-        p, q = (m, k) if tall else (k, m)
-        for i in range(k):
-            row = int(order[i])
-            for j in range(m):
-                entry = 0.0
-                for c in range(n):
-                    entry += J[row, c] * N[j, c]
-                if tall:
-                    B[j, i] = entry
-                else:
-                    B[i, j] = entry
-        _orthogonalise(B, W, p, q)
         smallest = tolerance * math.sqrt(square)
-        y[:m] = 0.0
-        rank = 0
-        for i in range(p):
-            s = 0.0
-            for c in range(q):
-                s += B[i, c] * B[i, c]
-            s = math.sqrt(s)
-            # Directions outside the rank stay out: damping near 0 would amplify rounding.
-            if not s > smallest:
-                continue
-            near = 1.0 - (s / region[level]) ** 2
-            filtered = s * s + (damping[level] ** 2 * near if near > 0.0 else 0.0)
-            along = 0.0
-            if tall:
-                for c in range(q):
-                    along += B[i, c] * residual[c]
-                for c in range(m):
-                    y[c] += along / filtered * W[i, c]
-                    B[rank, c] = W[i, c]
-            else:
-                for c in range(p):
-                    along += W[i, c] * residual[c]
-                for c in range(m):
-                    y[c] += along / filtered * B[i, c]
-                    B[rank, c] = B[i, c] / s
-            rank += 1
+        rank = invert(J, order, k, N[:, :n], m, rules[level], smallest, sides, answers, 1, B, W)
         for j in range(m):
             for c in range(n):
-                qd[c] += y[j] * N[j, c]
+                qd[c] += answers[0, j] * N[j, c]
         if rank == m:
             break
         if rank > 0:
-            _reduce(N, spare, B, y, rank, m, n)
+            reduce_basis(N, spare, B, answers[0], rank, m, n)
             m -= rank
     finite = True
     for c in range(n):
@@ -240,6 +279,6 @@ def shorten(qd, limit):  # type: ignore[no-untyped-def]
 
 
 def workspace(rows: int, n: int) -> np.ndarray:
-    """Space that `resolve` needs for up to ``rows`` rows in all and n joints."""
+    """Space for up to ``rows`` rows in all and n joints."""
     size = max(rows, n, 3)
-    return np.zeros((5, size, size))
+    return np.zeros((9, size, size))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import NO_VALUE, InvalidValue, listed
 from tp_controller.objectives import OBJECTIVE_TYPES, Objective
-from tp_controller.solvers.base import Levels
+from tp_controller.solvers.base import SATURATIONS, Levels
 from tp_controller.solvers.inverses import DEFAULT, Inverse
 from tp_controller.solvers.recursive import RecursiveSolver
 
@@ -34,12 +34,13 @@ class ProjectedGradientSolver(RecursiveSolver):
         inverse: Inverse = DEFAULT,
         joint_weights: Sequence[float] | None = None,
         objective: Objective | None = None,
+        saturation: str = SATURATIONS[0],
     ) -> None:
         if objective is None:
             raise InvalidValue(
                 'solver.objective.type', NO_VALUE, f'one of {listed(OBJECTIVE_TYPES)}'
             )
-        super().__init__(n, inverse, joint_weights, objective)
+        super().__init__(n, inverse, joint_weights, objective, saturation)
 
     def prepare(
         self, levels: Levels, jacobian_at: Callable[[Vector], Matrix] | None = None
@@ -54,13 +55,13 @@ class ProjectedGradientSolver(RecursiveSolver):
 
     def _set_rules(self) -> None:
         super()._set_rules()
-        self._damping, self._region = np.append(self._damping, 0.0), np.append(self._region, 1.0)
+        self._rules = np.vstack([self._rules, [0.0, 1.0]])
 
-    def solve(self, J: Matrix, velocity: Vector, qd: Vector) -> None:
+    def solve(self, J: Matrix, velocity: Vector, limit: Vector, qd: Vector) -> float:
         """Write the joint velocity (n,) to ``qd``; see `Solver.solve`."""
         self._J[: self.k] = J
         self._velocity[: self.k] = velocity
         assert self.objective is not None
         self.objective.climb(self._gradient)
         np.dot(self._Lt, self._gradient, out=self._velocity[self.k :])
-        self._resolve(self._J, self._velocity, qd)
+        return self._resolve(self._J, self._velocity, limit, qd)

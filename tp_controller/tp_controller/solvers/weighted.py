@@ -32,8 +32,8 @@ class WeightedSolver(Solver):
         self._roots = np.sqrt(np.concatenate([*roots, np.zeros(0)]))
         self._J, self._velocity = np.zeros((self.k, self.n)), np.zeros(self.k)
 
-    def solve(self, J: Matrix, velocity: Vector, qd: Vector) -> None:
+    def solve(self, J: Matrix, velocity: Vector, limit: Vector, qd: Vector) -> float:
         """Write the joint velocity (n,) to ``qd``; see `Solver.solve`."""
         np.multiply(J, self._roots[:, None], out=self._J)
         np.multiply(velocity, self._roots, out=self._velocity)
-        self._resolve(self._J, self._velocity, qd)
+        return self._resolve(self._J, self._velocity, limit, qd)
