@@ -1,0 +1,222 @@
+"""How often the real arms of config/ reach random goals: `python benchmarks/reach.py`.
+
+Start and goal are drawn uniformly inside the joints' ranges (a joint that turns without end
+takes any angle); the goal is the pose of the hand there. What the nodes do in lockstep is
+computed without them: the stack of the shipped parameter file answers a configuration, the
+simulator's joints move on within their speeds and ranges. Every draw is tried three times:
+
+- as it is;
+- with joints that have speeds but no ends of their ranges;
+- from the posture of the file in place of the random start.
+"""
+
+import argparse
+import multiprocessing
+import os
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+# One thread per process: small matrices gain nothing from more.
+os.environ.update({f'{name}_NUM_THREADS': '1' for name in ('OMP', 'OPENBLAS', 'MKL')})
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from tp_controller.config import build_settings, read_parameter_file
+from tp_controller.robot import Limits, Robot
+from tp_controller.stack import Stack
+from tp_controller.tasks import PoseTask, PostureTask, Task
+from tp_sim.integrator import Integrator
+
+CONFIG = Path(__file__).resolve().parent.parent / 'config'
+ARMS = {'panda': 'Panda', 'ur5': 'UR5', 'kinova': 'Kinova'}
+SEED = 1
+SECONDS = 10.0
+LATE = 40.0
+"""Time [s] after which a run that has not arrived is given up."""
+CLOSE = np.array([1e-3, np.radians(0.1)])
+"""Largest distance [m] and angle [rad] of a goal that is reached."""
+PUSH = 1e-6
+"""Speed [rad/s] of a command beyond which it presses a joint against its end."""
+CHUNK = 10
+
+ARRIVED, SLOW, LIMIT, SINGULAR, OTHER = 'arrived', 'late', 'end', 'singular', 'other'
+
+
+class Case(NamedTuple):
+    """A stack to try."""
+
+    arm: str
+    file: str
+    hierarchy: tuple[str, ...]
+
+    @property
+    def levels(self) -> str:
+        """What it is to reach, without the posture at its end."""
+        return ', '.join(name.rsplit('_', 1)[-1] for name in self.hierarchy[:-1])
+
+    def stack(self) -> Stack:
+        values = read_parameter_file(CONFIG / f'{self.file}.yaml', 'tp_controller')
+        return build_settings(values | {'hierarchy': list(self.hierarchy)}).stack
+
+
+class Job(NamedTuple):
+    """Some of the draws of a case."""
+
+    case: Case
+    draws: range
+    count: int
+
+
+class Outcome(NamedTuple):
+    """What became of one draw."""
+
+    ending: str
+    without_ends: bool
+    """Whether the goal is reached where the joints' ranges have no ends."""
+    from_posture: bool
+    """Whether the goal is reached from the posture."""
+
+
+def cases(arm: str) -> list[Case]:
+    """Position alone, position over orientation, and pose, each over the posture."""
+    hierarchies = {
+        file: tuple(read_parameter_file(CONFIG / f'{file}.yaml', 'tp_controller')['hierarchy'])
+        for file in (arm, f'{arm}_pose')
+    }
+    position, *_, posture = hierarchies[arm]
+    return [
+        Case(arm, arm, (position, posture)),
+        *(Case(arm, file, hierarchy) for file, hierarchy in hierarchies.items()),
+    ]
+
+
+def draw(robot: Robot, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Starts and configurations of goals (count, n) [rad]."""
+    limits = robot.limits
+    lower = np.where(np.isinf(limits.position_min), -np.pi, limits.position_min)
+    upper = np.where(np.isinf(limits.position_max), np.pi, limits.position_max)
+    pairs = np.random.default_rng(SEED).uniform(lower, upper, (count, 2, robot.n))
+    return pairs[:, 0], pairs[:, 1]
+
+
+class Pursuit:
+    """A stack and simulated joints on their way to a goal."""
+
+    def __init__(self, stack: Stack, start: np.ndarray, limits: Limits, dt: float) -> None:
+        self._stack = stack
+        self._joints = Integrator(start, limits)
+        self._dt = dt
+        self._time = 0.0
+        self._aims = [task for task in stack.tasks.values() if not isinstance(task, PostureTask)]
+        self._aims = [task for task in self._aims if stack.level_of(task.name) >= 0]
+        self.stopped = False
+        """Whether a joint came to an end of its range."""
+
+    def run(self, until: float) -> bool:
+        """Go on to a time [s]; return whether the goal is reached then."""
+        for _ in range(round((until - self._time) / self._dt)):
+            command = self._stack.step(self._joints.q).command
+            self._joints.step(command, self._dt)
+            self.stopped = self.stopped or not np.array_equal(self._joints.qd, command)
+        self._time = until
+        self._command = self._stack.step(self._joints.q).command
+        errors = np.concatenate([_error(task) for task in self._aims])
+        return bool(np.all(errors <= np.concatenate([_tolerance(task) for task in self._aims])))
+
+    def cause(self) -> str:
+        """Why the arm rests, or wanders, where it is."""
+        q, limits = self._joints.q, self._joints.limits
+        low, high = q <= limits.position_min, q >= limits.position_max
+        if np.any(low & (self._command < -PUSH) | high & (self._command > PUSH)):
+            return LIMIT
+        J = np.vstack([task.J for task in self._aims])
+        damped = self._stack.solver.inverse.region
+        return SINGULAR if np.linalg.svd(J, compute_uv=False)[-1] < damped else OTHER
+
+
+def _error(task: Task) -> np.ndarray:
+    parts = np.split(task.error, [3]) if isinstance(task, PoseTask) else [task.error]
+    return np.array([np.linalg.norm(part) for part in parts])
+
+
+def _tolerance(task: Task) -> np.ndarray:
+    return {'position': CLOSE[:1], 'orientation': CLOSE[1:]}.get(task.type, CLOSE)
+
+
+def outcomes(job: Job) -> list[Outcome]:
+    """Try some draws."""
+    stack = job.case.stack()
+    robot, limits = stack.robot, stack.robot.limits
+    path = CONFIG / f'{job.case.file}.yaml'
+    dt = 1.0 / read_parameter_file(path, 'tp_sim')['rate']
+    endless = Limits(robot.n, velocity=limits.velocity)
+    posture = stack.tasks[job.case.hierarchy[-1]].target
+    frame = robot.frame(stack.tasks[job.case.hierarchy[0]].frame_name)
+    starts, goals = draw(robot, job.count)
+    result = []
+    for i in job.draws:
+        robot.update(goals[i])
+        for name in job.case.hierarchy[:-1]:
+            task = stack.tasks[name]
+            task.target = task.target_from_pose(frame.position, frame.rotation)
+        pursuit = Pursuit(stack, starts[i], limits, dt)
+        arrived = pursuit.run(SECONDS)
+        without_ends = arrived
+        if pursuit.stopped:
+            # A run that met no end would be the same without them.
+            without_ends = Pursuit(stack, starts[i], endless, dt).run(SECONDS)
+        ending = ARRIVED
+        if not arrived:
+            ending = SLOW if pursuit.run(LATE) else pursuit.cause()
+        from_posture = Pursuit(stack, posture, limits, dt).run(SECONDS)
+        result.append(Outcome(ending, without_ends, from_posture))
+    return result
+
+
+def run(arms: Sequence[str], count: int) -> None:
+    """Try all draws and print the table."""
+    console = Console(width=100)
+    table = Table(title=f'Goals reached within 1 mm and 0.1° in {SECONDS:g} s [%]')
+    table.add_column('arm')
+    table.add_column('over the posture', no_wrap=True)
+    table.add_column('reached', justify='right')
+    for ending in (SLOW, LIMIT, SINGULAR, OTHER):
+        table.add_column(ending, justify='right')
+    table.add_column('no ends', justify='right')
+    table.add_column('from it', justify='right')
+    with multiprocessing.get_context('spawn').Pool(2) as pool:
+        for arm in arms:
+            for case in cases(arm):
+                chunks = [range(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)]
+                jobs = [Job(case, chunk, count) for chunk in chunks]
+                tried = [one for some in pool.imap(outcomes, jobs) for one in some]
+                endings = Counter(one.ending for one in tried)
+                shares = [endings[name] for name in (ARRIVED, SLOW, LIMIT, SINGULAR, OTHER)]
+                shares += [sum(one.without_ends for one in tried)]
+                shares += [sum(one.from_posture for one in tried)]
+                percent = [f'{100.0 * share / count:.1f}' for share in shares]
+                table.add_row(ARMS[arm], case.levels, *percent)
+            table.add_section()
+    console.print(table)
+    console.print(
+        f'{count} draws per arm; position alone: within 1 mm. Not reached in time: late, there '
+        f'after {LATE:g} s; end, the command presses a joint against the end of its range; '
+        'singular, in the region where damping acts. No ends: the same draws where joints have '
+        'speeds but no ends. From it: the same goals from the posture.'
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--arms', nargs='+', choices=ARMS, default=list(ARMS), help='(all)')
+    parser.add_argument('--count', type=int, default=200, help='draws per arm (%(default)s)')
+    arguments = parser.parse_args()
+    run(arguments.arms, arguments.count)
+
+
+if __name__ == '__main__':
+    main()
