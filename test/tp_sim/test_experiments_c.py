@@ -19,6 +19,16 @@ def test_c1_errors_at_the_algorithmic_singularity(config, scheme, tip, last_link
         loop.send_goal('tip', [3.3, 1.0])
         loop.run(20.0)
         record = loop.record
+        levels = {tuple(level.tasks): level for level in loop.state.levels}
+    if scheme == 'recursive':
+        # The explanation: the freedom that the lower level needs is that of the upper one.
+        blocked = levels['last_link',]
+        assert list(blocked.blocked_by) == ['tip']
+        assert blocked.shortfall == pytest.approx(2.0 * last_link, abs=5e-3)
+        assert blocked.text == f'{blocked.lost_to_levels[0]:.3g} to tip'
+        assert levels['tip',].shortfall < 1e-6
+    else:
+        assert not levels
     assert record.error_norm['tip'][-1] == pytest.approx(tip, abs=5e-4)
     assert record.error_norm['last_link'][-1] == pytest.approx(last_link, abs=5e-4)
 

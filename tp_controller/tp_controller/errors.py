@@ -28,6 +28,10 @@ class InvalidValue(TaskPriorityError):
         self.accepts = accepts
         super().__init__(f'{key}: got {got}; accepts {accepts}')
 
+    def __reduce__(self) -> tuple[type[InvalidValue], tuple[str, str, str]]:
+        """Make it again from its parts, in another process too."""
+        return InvalidValue, (self.key, self.got, self.accepts)
+
     def under(self, prefix: str) -> InvalidValue:
         """Return the same error for ``prefix.key``."""
         return InvalidValue(f'{prefix}.{self.key}', self.got, self.accepts)

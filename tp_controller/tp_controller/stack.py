@@ -152,6 +152,15 @@ class Stack:
         self.solver.check(members, damping)
         return members
 
+    def systems(self) -> list[tuple[Matrix, Vector, Vector]]:
+        """Jacobian (k, n), requested and achieved velocity (k,) of every level; copies."""
+        found = []
+        for tasks in self._members:
+            rows = slice(self._rows[tasks[0].name].start, self._rows[tasks[-1].name].stop)
+            parts = self._J[rows], self._velocity[rows], self._achieved[rows]
+            found.append((parts[0].copy(), parts[1].copy(), parts[2].copy()))
+        return found
+
     def level_of(self, name: str) -> int:
         """Level of a task, 0 is the highest; -1 outside the hierarchy."""
         for i, level in enumerate(self._results):

@@ -151,6 +151,7 @@ class ControllerNode(RobotNode):
             self._goals.robot_seen = True
         if self._state_publisher.get_subscription_count():
             self._state.refresh(step.command)
+            self._state.explain(msg.header.stamp)
             self._state_publisher.publish(state)
 
     def _watch(self) -> None:

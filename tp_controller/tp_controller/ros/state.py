@@ -7,11 +7,13 @@ from array import array
 from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 
+from tp_controller.explain import Explanation, explain
 from tp_controller.stack import Stack
 from tp_controller.tasks import SetBasedTask, Task
-from tp_interfaces.msg import ControllerState, TaskState
+from tp_interfaces.msg import ControllerState, LevelState, TaskState
 
 Vector = NDArray[np.float64]
 
@@ -23,6 +25,10 @@ def field_view(msg: Any, field: str, size: int, value: float = 0.0) -> Vector:
     """
     setattr(msg, field, array('d', [value] * size))
     return np.frombuffer(getattr(msg, field)) if size else np.zeros(0)
+
+
+EXPLANATION_PERIOD = 0.0999
+"""Time [s] between explanations: 0.1, and what is lost to rounding."""
 
 
 class StateMessage:
@@ -50,6 +56,7 @@ class StateMessage:
         self._command = field_view(self.msg, 'command', robot.n)
         self._tasks = {name: _TaskMessage(task) for name, task in stack.tasks.items()}
         self.msg.tasks = [entry.msg for entry in self._tasks.values()]
+        self._explained = -math.inf
         self.follow_hierarchy()
 
     def task(self, name: str) -> TaskState:
@@ -58,6 +65,7 @@ class StateMessage:
 
     def follow_hierarchy(self) -> None:
         """Take over levels after the stack's hierarchy has changed."""
+        self._explained = -math.inf
         for name, entry in self._tasks.items():
             level = self._stack.level_of(name)
             velocities = self._stack.velocities_of(name) if level >= 0 else None
@@ -70,12 +78,43 @@ class StateMessage:
         for entry in self._tasks.values():
             entry.refresh()
 
+    def explain(self, stamp: Time) -> None:
+        """Tell why each level got what it got, unless that was told a moment ago.
+
+        Parameters
+        ----------
+        stamp
+            Stamp of the joint state that the stack's last step is about.
+        """
+        now = stamp.sec + 1e-9 * stamp.nanosec
+        if 0.0 <= now - self._explained < EXPLANATION_PERIOD:
+            return
+        self._explained = now
+        self.msg.levels_stamp = stamp
+        self.msg.levels = [_level_message(level) for level in explain(self._stack)]
+
     def refresh_target(self, name: str, located: bool) -> None:
         """Fill in one task's new target; its error too once the robot is `located`."""
         entry = self._tasks[name]
         entry.refresh_target()
         if located:
             entry.refresh(stepped=False)
+
+
+def _level_message(level: Explanation) -> LevelState:
+    return LevelState(
+        tasks=level.tasks,
+        rows=level.rows,
+        rank=level.rank,
+        smallest_singular_value=level.smallest_singular_value,
+        shortfall=level.shortfall,
+        blocked_by=list(level.lost_to_levels),
+        lost_to_levels=list(level.lost_to_levels.values()),
+        lost_to_singularity=level.lost_to_singularity,
+        lost_to_damping=level.lost_to_damping,
+        lost_to_saturation=level.lost_to_saturation,
+        text=level.text,
+    )
 
 
 class _TaskMessage:

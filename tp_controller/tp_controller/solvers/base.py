@@ -92,12 +92,27 @@ class Solver(ABC):
         if saturation not in SATURATIONS:
             accepts = f'one of {listed(SATURATIONS)}'
             raise InvalidValue('solver.saturation', shown(saturation), accepts)
-        self._holds_joints = saturation == 'null_space'
+        self.holds_joints = saturation == 'null_space'
 
     @property
     def inverse(self) -> Inverse:
         """How Jacobians are inverted, unless a task has its own way."""
         return self._inverse
+
+    @property
+    def groups(self) -> Levels:
+        """Tasks that are inverted together, in the order in which that is done."""
+        return self._groups
+
+    @property
+    def shares(self) -> Vector:
+        """What the velocity limits left to each group (groups,) in the last step; a copy."""
+        return self._shares[: len(self._groups)].copy()
+
+    @property
+    def metric(self) -> Matrix:
+        """T (n, n) with ``qd = T y`` and the norm of y to be minimised; a copy."""
+        return self._basis.T.copy()
 
     @property
     def damping(self) -> float:
@@ -205,12 +220,13 @@ class Solver(ABC):
 
     def _resolve(self, J: Matrix, velocity: Vector, limit: Vector, qd: Vector) -> float:
         levels = (J, velocity, self._starts, self._rules, self._basis, self._tolerance)
-        if self._holds_joints:
+        if self.holds_joints:
             finite = self._within(*levels, limit, self._work, self._shares, qd)
             scale = float(self._shares.min())
         else:
             finite = self._kernel.resolve(*levels, self._work, qd)
             scale = self._kernel.shorten(qd, limit) if finite else 1.0
+            self._shares[:] = scale
         if not finite:
             raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
         return scale
