@@ -153,6 +153,15 @@ TABLE = [
     ({'hierarhcy': ['tip']}, 'hierarhcy', ['hierarchy (did you mean that?)']),
     ({'tasks.tip.joints': ['joint_1']}, 'tasks.tip.joints', ['tasks.tip.axes']),
     ({'tasks.turn.position_axes': 'x'}, 'tasks.turn.position_axes', ['tasks.turn.axes']),
+    ({'robot.velocity': [1.0]}, 'robot.velocity', ['robot.limits.velocity (did you mean that?)']),
+    ({'speed.limit': 1.0}, 'speed.limit', ['; accepts robot.…, robot_description, command.…, s']),
+    ({'solver.objective.positions': [0.0]}, 'solver.objective.type', ['no value', 'posture']),
+    (
+        {'solver.objective.type': 'posture', 'solver.objective.positions': [0.0]},
+        'solver.objective.positions',
+        ['1 value [0.0]', '3 values'],
+    ),
+    ({'solver.joint_weights': [1, -2, 1]}, 'solver.joint_weights', ['[1.0, -2.0, 1.0]', 'above']),
     ({'robot.mass': 1.0}, 'robot.mass', ['an unknown parameter', 'robot.joints']),
     ({'tasks': 3}, 'tasks', ['an unknown parameter']),
     ({'robot_description': '<robot/>'}, 'robot.dh.theta', ['beside robot_description']),
@@ -177,6 +186,14 @@ def test_a_refusal_names_the_full_key_what_it_got_and_what_it_accepts(changes, k
     assert error.key == key
     for fragment in fragments:
         assert fragment in str(error)
+
+
+def test_what_only_another_task_has_is_not_proposed():
+    tasks = {'tasks.best.type': 'manipulability', 'tasks.best.frame': 'link_3'}
+    error = refusal(tasks | {'tasks.best.target': [1.0]})
+    assert error.key == 'tasks.best.target'
+    assert 'tasks.tip' not in error.accepts
+    assert 'tasks.best.frame' in error.accepts
 
 
 def test_a_key_that_is_no_text_is_refused():

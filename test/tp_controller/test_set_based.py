@@ -265,7 +265,7 @@ def joint_limits(**changes):
         (lambda: obstacle(frame='hand'), 'frame', 'link_1, link_2'),
         (lambda: obstacle(axes='q'), 'axes', 'xyz'),
         (lambda: obstacle(activation=0.2, release=0.1), 'release', 'more than the activation'),
-        (lambda: obstacle(period=math.inf), 'activation', 'rate and limits.velocity'),
+        (lambda: obstacle(period=math.inf), 'activation', 'rate and robot.limits.velocity'),
         (lambda: joint_limits(joints=['x']), 'joints', 'joint_1, joint_2'),
         (lambda: joint_limits(joints=[]), 'joints', 'joint_1, joint_2'),
         (lambda: joint_limits(lower=[1.0, 2.0, 3.0]), 'min', '1 value or 2'),

@@ -174,3 +174,5 @@ def test_changes_of_joints_need_one_value_for_each_name_of_the_task(names, chang
     assert caught.value.key == 'joints'
     assert accepts in caught.value.accepts
     assert 'roll, yaw' in caught.value.accepts
+    assert '1 names' not in caught.value.got
+    assert '1 values' not in caught.value.got

@@ -199,6 +199,12 @@ def test_what_the_description_has_not_is_refused_with_what_it_has(arguments, key
     assert accepts in error.value.accepts
 
 
+def test_a_description_in_which_nothing_moves_is_refused():
+    with pytest.raises(InvalidValue, match='without a movable joint') as error:
+        urdf_robot('<robot name="table"><link name="top"/></robot>')
+    assert error.value.key == 'robot.urdf'
+
+
 def test_descriptions_are_read_from_paths_and_packages(tmp_path, monkeypatch):
     folder = tmp_path / 'share' / 'my_arm' / 'urdf'
     folder.mkdir(parents=True)

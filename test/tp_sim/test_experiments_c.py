@@ -87,6 +87,13 @@ def test_schemes_that_the_file_has_not_the_parameters_for_are_named(config):
     assert 'recursive' in result.stdout
 
 
+def test_a_long_name_is_not_cut_in_a_narrow_table(config):
+    result = run_compare('--config', config / 'b1_obstacles.yaml', '--schemes', 'recursive')
+    assert result.returncode == 0, result.stderr
+    assert 'ee_positio' in result.stdout
+    assert '…' not in result.stdout
+
+
 @pytest.mark.parametrize(
     ('arguments', 'message'),
     [

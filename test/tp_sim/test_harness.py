@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tp_sim.harness import ClosedLoop, HarnessError, PrivateDomain
+from tp_sim.harness import Client, ClosedLoop, HarnessError, PrivateDomain
 
 
 def test_the_record_is_consistent_with_itself(config):
@@ -63,3 +63,16 @@ def test_domains_are_private_until_closed():
     for domain in domains:
         assert domain.environment()['ROS_DOMAIN_ID'] == str(domain.number)
         domain.close()
+
+
+def test_a_domain_that_others_are_on_is_not_private(monkeypatch):
+    """Their nodes hold no lock; with a robot among them it would move."""
+    taken = PrivateDomain()
+    client = Client(taken)
+    monkeypatch.setattr('tp_sim.harness.domain.DOMAINS', range(taken.number, taken.number + 1))
+    # As if somebody else had made that node, without a lock.
+    taken.close()
+    with pytest.raises(HarnessError, match='in use'):
+        PrivateDomain()
+    client.close()
+    PrivateDomain().close()

@@ -162,6 +162,14 @@ def test_a_file_without_a_block_for_the_node_is_refused_with_its_blocks(config, 
     assert '/**/tp_sim' in line
 
 
+def test_a_missing_key_of_a_task_is_not_blamed_on_the_blocks(config, tmp_path, domain):
+    path = tmp_path / 'bad.yaml'
+    document = edited(read_document(config / 'a4_position_joint.yaml'), task(frame=None))
+    write_document(document, path)
+    line = refusal('tp_controller', 'controller', path, domain)
+    assert line.endswith('tasks.ee_position.frame: got no value; accepts a text')
+
+
 def test_without_a_parameter_file_the_first_missing_key_is_named(domain):
     line = refusal('tp_controller', 'controller', None, domain)
     assert 'hierarchy: got no value' in line

@@ -8,6 +8,7 @@ import textwrap
 import time
 
 import pytest
+from ament_index_python.packages import get_package_prefix
 from sensor_msgs.msg import JointState
 
 from tp_sim.harness import ClosedLoop, NodeProcess, PrivateDomain
@@ -60,6 +61,39 @@ def test_a_signal_during_start_up_leaves_no_trace(config, number, delay):
     process.signal(number)
     assert_clean(process)
     domain.close()
+
+
+@SIGNALS
+def test_send_goal_that_waits_for_a_controller_ends_without_a_trace(number):
+    domain = PrivateDomain()
+    process = NodeProcess(
+        'tp_controller',
+        'send_goal',
+        None,
+        domain.environment(),
+        arguments=['ee_position', '1', '1', '--timeout', '30'],
+    )
+    time.sleep(2.0)
+    process.signal(number)
+    assert process.wait(5.0) == 3, process.output
+    assert process.output.strip() == 'send_goal: interrupted'
+    domain.close()
+
+
+def test_an_interrupted_comparison_says_so(config):
+    command = f'{get_package_prefix("tp_sim")}/lib/tp_sim/compare'
+    process = subprocess.Popen(
+        [command, '--config', str(config / 'c3_repeatability.yaml')],
+        stderr=subprocess.PIPE,
+        text=True,
+        # Python is interrupted only if its parent does not ignore the signal.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+    )
+    # Ten rounds at 1 kHz take much longer.
+    time.sleep(3.0)
+    process.send_signal(signal.SIGINT)
+    _, message = process.communicate(timeout=5.0)
+    assert (process.returncode, message) == (130, 'compare: interrupted\n')
 
 
 def test_no_node_outlives_a_killed_test(config, tmp_path):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tp_sim.harness import ClosedLoop, HarnessError
+from tp_sim.harness import ClosedLoop, GoalRejected, HarnessError
 
 # A shoulder that turns without end, an arm that rises and a boom that slides out.
 ARM = """
@@ -58,6 +58,12 @@ def test_a_continuous_joint_goes_the_short_way_round(crane):
         turn = loop.record.q[:, 0]
     assert turn[-1] == pytest.approx(2.0 * np.pi - 3.0, abs=1e-3)
     assert np.all(np.diff(turn) >= 0.0)
+
+
+def test_the_frames_of_a_refused_goal_are_listed_once_each(crane):
+    with ClosedLoop(crane) as loop, pytest.raises(GoalRejected) as caught:
+        loop.send_goal('hook_position', [0.5, 0.0, 0.9], 'map')
+    assert str(caught.value).endswith("accepts '', floor, tower, arm, boom, hook")
 
 
 def test_a_description_that_cannot_be_used_is_refused_by_both_nodes(crane, tmp_path):

@@ -59,6 +59,11 @@ def shown(value: Any, longest: int = 80) -> str:
     return text if len(text) <= longest else f'{text[: longest - 3]}...'
 
 
+def plural(count: int, word: str) -> str:
+    """Count with the word for one thing, or for several."""
+    return f'{count} {word}' if count == 1 else f'{count} {word}s'
+
+
 def listed(names: Any) -> str:
     """Comma-separated names for the 'accepts' part of a message."""
     return ', '.join(str(name) for name in names) or 'nothing'

@@ -175,9 +175,26 @@ def read_all(flat: Mapping[str, Any], schema: Mapping[str, Parameter]) -> Flat:
     return values
 
 
-def alternatives(key: str, schema: Mapping[str, Parameter]) -> str:
-    """Keys that may have been meant: close ones first, else those beside it."""
-    close = difflib.get_close_matches(key, schema, n=1, cutoff=0.8)
-    beside = [name for name in schema if name.rpartition('.')[0] == key.rpartition('.')[0]]
-    hint = f'{close[0]} (did you mean that?), ' if close else ''
-    return hint + listed(name for name in (beside or schema) if name not in close)
+def alternatives(key: str, schema: Mapping[str, Parameter], brief: bool = True) -> str:
+    """Keys that may have been meant: a close one first, then those beside it.
+
+    Where there are neither, these are all keys, `brief` by their beginnings only.
+    """
+    beside = [name for name in schema if _block(name) == _block(key)]
+    # What another task has is not meant; it may have a type of its own.
+    meant = beside + [name for name in schema if not (beside and name.startswith('tasks.'))]
+    close = difflib.get_close_matches(key, meant, n=1, cutoff=0.8)
+    others = [name for name in beside if name not in close]
+    hint = [f'{close[0]} (did you mean that?)'] if close else []
+    if not beside and not close:
+        others = list(dict.fromkeys(_beginning(name) if brief else name for name in schema))
+    return listed(hint + others)
+
+
+def _block(key: str) -> str:
+    return key.rpartition('.')[0]
+
+
+def _beginning(key: str) -> str:
+    first, dot, _ = key.partition('.')
+    return f'{first}.…' if dot else first

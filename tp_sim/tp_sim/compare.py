@@ -27,6 +27,7 @@ from tp_sim.demo.script import Circle, Goal, goal_text, read_script
 from tp_sim.settings import build_simulator_settings
 
 REFUSED = 2
+INTERRUPTED = 130
 
 
 class Outcome(NamedTuple):
@@ -46,7 +47,7 @@ def main() -> int:
     Returns
     -------
     int
-        Exit status: 0, or 2 if the file cannot be used.
+        Exit status: 0, 2 if the file cannot be used, 130 after Ctrl-C.
     """
     arguments = _parser().parse_args()
     console = Console()
@@ -55,6 +56,9 @@ def main() -> int:
     except TaskPriorityError as error:
         print(f'compare: {error}', file=sys.stderr)
         return REFUSED
+    except KeyboardInterrupt:
+        print('compare: interrupted', file=sys.stderr)
+        return INTERRUPTED
     return 0
 
 
@@ -151,7 +155,8 @@ def _table(goals: list[Goal], seconds: float, outcomes: dict[str, Outcome]) -> T
     table.add_column('solver.type', no_wrap=True)
     first = next(iter(outcomes.values()))
     for name in first.errors:
-        table.add_column(name, justify='right')
+        # A narrow terminal folds a long name rather than cutting it.
+        table.add_column(name, justify='right', overflow='fold')
     table.add_column('largest ‖qd‖', justify='right')
     # How far the joints are, after some rounds of a circle, from where they were before.
     rounds = len(first.ends) - 1

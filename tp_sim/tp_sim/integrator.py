@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import InvalidValue, shown
+from tp_controller.errors import InvalidValue, plural, shown
 from tp_controller.robot import Limits
 
 Vector = NDArray[np.float64]
@@ -63,7 +63,7 @@ class Integrator:
         q = np.array(q, dtype=float)
         lower, upper = self.limits.position_min, self.limits.position_max
         if q.shape != lower.shape:
-            raise InvalidValue(key, f'{q.size} values', f'{lower.size}, one per joint')
+            raise InvalidValue(key, plural(q.size, 'value'), f'{lower.size}, one per joint')
         if not np.all(np.isfinite(q)):
             raise InvalidValue(key, shown(q), 'finite numbers')
         if np.any(q < lower) or np.any(q > upper):

@@ -95,7 +95,8 @@ def _read(key: str, value: Any, schema: Mapping[str, Parameter]) -> Any:
     if key not in schema or not schema[key].runtime:
         changeable = {name: p for name, p in schema.items() if p.runtime}
         what = 'a change while running' if key in schema else 'an unknown parameter'
-        raise InvalidValue(key, what, f'changes of {alternatives(key, changeable)}')
+        accepts = alternatives(key, changeable, brief=key not in schema)
+        raise InvalidValue(key, what, f'changes of {accepts}')
     if value is None:
         raise InvalidValue(key, shown(value), schema[key].accepts)
     return schema[key].read(key, value)

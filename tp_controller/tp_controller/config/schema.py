@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from tp_controller.errors import InvalidValue, shown
+from tp_controller.errors import NO_VALUE, InvalidValue, shown
 from tp_controller.objectives import OBJECTIVE_TYPES
 from tp_controller.parameters import (
     NAME,
@@ -229,6 +229,8 @@ def controller_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
         objective = OBJECTIVE_TYPES[schema[key].read(key, flat[key])]
         schema[f'{OBJECTIVE}gain'] = OBJECTIVE_GAIN
         schema |= {f'{OBJECTIVE}{leaf}': p for leaf, p in objective.parameters.items()}
+    elif any(name.startswith(OBJECTIVE) for name in flat if flat[name] is not None):
+        raise InvalidValue(key, NO_VALUE, schema[key].accepts)
     for name in task_names(flat):
         schema |= _task_schema(name, flat)
     return schema
@@ -244,7 +246,7 @@ def _task_schema(name: str, flat: Mapping[str, Any]) -> dict[str, Parameter]:
     kind = Parameter(TEXT, COMMON['type'].description, REQUIRED, choices=tuple(TASK_TYPES))
     key = f'tasks.{name}.type'
     if flat.get(key) is None:
-        raise InvalidValue(key, 'no value', kind.accepts)
+        raise InvalidValue(key, NO_VALUE, kind.accepts)
     task_type = TASK_TYPES[kind.read(key, flat[key])]
     leaves = {**COMMON, 'type': kind, **task_type.parameters}
     return {

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import InvalidValue
+from tp_controller.errors import InvalidValue, shown
 from tp_controller.objectives.base import Objective
 from tp_controller.parameters import Parameter
 from tp_controller.robot import Robot
@@ -40,7 +40,7 @@ class JointRangeObjective(Objective):
         limits = robot.limits
         if not (np.isfinite(limits.position_min) & np.isfinite(limits.position_max)).any():
             raise InvalidValue(
-                'type', self.type, 'a robot with robot.limits.position_min and position_max'
+                'type', shown(self.type), 'a robot with robot.limits.position_min and position_max'
             )
 
     @classmethod

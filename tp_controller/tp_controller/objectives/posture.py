@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import InvalidValue, shown
+from tp_controller.errors import InvalidValue, plural, shown
 from tp_controller.objectives.base import Objective
 from tp_controller.parameters import NUMBERS, REQUIRED, Parameter
 from tp_controller.robot import Robot
@@ -44,9 +44,8 @@ class PostureObjective(Objective):
         super().__init__(robot)
         self._positions = np.array(positions, dtype=float)
         if self._positions.shape != (robot.n,):
-            raise InvalidValue(
-                'positions', f'{len(positions)} values {shown(positions)}', f'{robot.n} values'
-            )
+            got = f'{plural(len(positions), "value")} {shown(positions)}'
+            raise InvalidValue('positions', got, plural(robot.n, 'value'))
         if not np.isfinite(self._positions).all():
             raise InvalidValue('positions', shown(self._positions), 'finite numbers')
         self._wrapping = [i for i, wraps in enumerate(robot.wrapping) if wraps]

@@ -119,6 +119,8 @@ def urdf_robot(
     """
     root, found = _read(text)
     leaders = [name for name, j in found.items() if j.type in MOVABLE and j.mimic is None]
+    if not leaders:
+        raise InvalidValue(KEY, 'a robot without a movable joint', 'one or more movable joints')
     joints = leaders if joints is None else list(joints)
     for name in joints:
         if name not in leaders:

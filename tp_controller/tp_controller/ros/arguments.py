@@ -48,8 +48,11 @@ def check_parameter_rules(argv: Sequence[str]) -> None:
                 raise InvalidValue(key.rpartition(':')[2], 'an empty list', accepts)
 
 
-def missing_value_hint(argv: Sequence[str]) -> str:
+def missing_value_hint(argv: Sequence[str], key: str) -> str:
     """What may have kept a value from arriving, for the end of a message."""
+    if key.startswith(('tasks.', 'solver.')):
+        # Asked for only because others of its block have arrived.
+        return ''
     if '--ros-args' not in argv or not parameter_files(argv):
         return ' (start with --ros-args --params-file FILE)'
     blocks = [name for path in parameter_files(argv) for name in read_blocks(path)]

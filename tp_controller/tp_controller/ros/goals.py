@@ -15,7 +15,7 @@ from geometry_msgs.msg import (
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 
-from tp_controller.errors import InvalidValue, listed, shown
+from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.robot import Frame, Robot
 from tp_controller.rotations import rotation_from_quaternion
 from tp_controller.tasks import FrameTask, JointTask, ObstacleTask, Task
@@ -128,7 +128,7 @@ class GoalReader:
         return robot.base if frame_id == robot.base_frame else robot.frame(frame_id)
 
     def _check_frame(self, frame_id: str) -> None:
-        known = ('', self._robot.base_frame, *self._robot.frames)
+        known = dict.fromkeys(('', self._robot.base_frame, *self._robot.frames))
         if frame_id not in known:
             accepts = listed(name or "''" for name in known)
             raise InvalidValue('header.frame_id', shown(frame_id), accepts)
@@ -181,7 +181,7 @@ def goal_message(task: TaskState, values: Sequence[float], frame_id: str = '') -
         raise InvalidValue(task.name, f'a goal for a {task.type} task', listed(GOAL_TYPES))
     words, fill = _form(task)
     if len(values) != len(words):
-        got = f'{len(values)} value{"" if len(values) == 1 else "s"}'
+        got = plural(len(values), 'value')
         raise InvalidValue(task.name, got, f'{len(words)}: {listed(words)}')
     _finite(task.name, values)
     msg: GoalMessage = GOAL_TYPES[task.type]()
@@ -215,7 +215,8 @@ def feedforward_message(
         )
     rows = list(task.components)
     if len(values) != len(rows):
-        raise InvalidValue(task.name, f'{len(values)} values', f'{len(rows)}: {listed(rows)}')
+        got = plural(len(values), 'value')
+        raise InvalidValue(task.name, got, f'{len(rows)}: {listed(rows)}')
     _finite(task.name, values)
     if FEEDFORWARD_TYPES[task.type] is JointState:
         msg = JointState(name=rows, velocity=[float(value) for value in values])

@@ -64,7 +64,7 @@ def run_node(name: str, module: str, node_class: str) -> int:
         node = make_node()
     except InvalidValue as error:
         rclpy.try_shutdown()
-        hint = arguments.missing_value_hint(sys.argv) if error.got == NO_VALUE else ''
+        hint = arguments.missing_value_hint(sys.argv, error.key) if error.got == NO_VALUE else ''
         return _refuse(name, f'{error}{hint}')
     except RuntimeError as error:
         if rclpy.ok():

@@ -10,6 +10,7 @@ from decimal import Decimal, InvalidOperation
 
 import rclpy
 from rclpy.exceptions import InvalidTopicNameException
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
 
@@ -43,7 +44,7 @@ def main() -> int:
         return _fail(str(error), REFUSED)
     except TimeoutError as error:
         return _fail(str(error), UNANSWERED)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, ExternalShutdownException):
         return _fail('interrupted', UNANSWERED)
     finally:
         node.destroy_node()

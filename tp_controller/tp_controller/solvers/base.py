@@ -10,7 +10,7 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import InvalidValue, listed, shown
+from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.objectives import Objective
 from tp_controller.solvers.inverses import DEFAULT, Inverse
 
@@ -240,13 +240,15 @@ def _basis(n: int, joint_weights: Sequence[float] | None) -> Matrix:
     if W.size not in (1, n, n * n):
         accepts = '1 value' if n == 1 else f'1, {n} or {n * n} values'
         raise InvalidValue(
-            key, f'{W.size} values {shown(W)}', f'{accepts} (for all joints, per joint, a matrix)'
+            key,
+            f'{plural(W.size, "value")} {shown(W)}',
+            f'{accepts} (for all joints, per joint, a matrix)',
         )
     W = W.reshape(n, n) if W.size == n * n else np.diag(np.broadcast_to(W, (n,)))
     accepts = 'values above 0, or a symmetric positive definite matrix'
     if not np.isfinite(W).all() or not np.array_equal(W, W.T):
-        raise InvalidValue(key, shown(W), accepts)
+        raise InvalidValue(key, shown(joint_weights), accepts)
     try:
         return np.ascontiguousarray(np.linalg.inv(np.linalg.cholesky(W)))
     except np.linalg.LinAlgError:
-        raise InvalidValue(key, shown(W), accepts) from None
+        raise InvalidValue(key, shown(joint_weights), accepts) from None

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import InvalidValue, shown
+from tp_controller.errors import InvalidValue, plural, shown
 from tp_controller.parameters import NUMBER, NUMBERS, REQUIRED, TEXT, Parameter
 from tp_controller.robot import Robot
 from tp_controller.solvers.inverses import INVERSES, Inverse
@@ -175,7 +175,9 @@ class Task(ABC):
 
     def _refuse_target(self, values: Sequence[float] | Vector) -> NoReturn:
         raise InvalidValue(
-            'target', _counted(values), f'{_values(self.target_size)} ({self.target_words})'
+            'target',
+            _counted(values),
+            f'{plural(self.target_size, "value")} ({self.target_words})',
         )
 
     def hold(self) -> None:
@@ -238,7 +240,7 @@ class Task(ABC):
             For a wrong number of values or one that is not finite.
         """
         if len(values) != self.k:
-            accepts = f'{_values(self.k)} ({", ".join(self.components)})'
+            accepts = f'{plural(self.k, "value")} ({", ".join(self.components)})'
             raise InvalidValue('feedforward', _counted(values), accepts)
         velocity = np.array(values, dtype=float)
         if not np.all(np.isfinite(velocity)):
@@ -251,9 +253,5 @@ class Task(ABC):
         out += self._feedforward
 
 
-def _values(count: int) -> str:
-    return '1 value' if count == 1 else f'{count} values'
-
-
 def _counted(values: Sequence[float] | Vector) -> str:
-    return f'{_values(len(values))} {shown(values)}'
+    return f'{plural(len(values), "value")} {shown(values)}'

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import InvalidValue, listed, shown
+from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.parameters import REQUIRED, TEXTS, Parameter
 from tp_controller.robot import Robot
 from tp_controller.rotations import wrap
@@ -78,7 +78,8 @@ class JointTask(Task):
         if len(names) != len(changes) or len(set(names)) != len(names) or not names:
             raise InvalidValue(
                 'joints',
-                f'{len(names)} names {shown(list(names))} with {len(changes)} values',
+                f'{plural(len(names), "name")} {shown(list(names))} '
+                f'with {plural(len(changes), "value")}',
                 f'one value for each name, names out of {listed(self.components)}',
             )
         result = values.copy()

@@ -87,7 +87,9 @@ class SetBasedTask(Task):
         if activation is None:
             if not math.isfinite(self._travel):
                 raise InvalidValue(
-                    'activation', NO_VALUE, 'a number above 0 (or give rate and limits.velocity)'
+                    'activation',
+                    NO_VALUE,
+                    'a number above 0 (or give rate and robot.limits.velocity)',
                 )
             # One step from beyond it does not cross the boundary; the rest is for the bend of
             # the way in the step after, when the row has come in.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import random
+import socket
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -31,6 +32,8 @@ class PrivateDomain:
         numbers = list(DOMAINS)
         random.shuffle(numbers)
         for number in numbers:
+            if _in_use(number):
+                continue
             lock = _locked(Path(tempfile.gettempdir()) / f'tp_sim_domain_{number}.lock')
             if lock is not None:
                 self.number = number
@@ -71,6 +74,20 @@ class PrivateDomain:
     def close(self) -> None:
         """Give the domain back."""
         self._lock.close()
+
+
+def _in_use(number: int) -> bool:
+    """Whether somebody on this machine is on the domain, who knows nothing of the locks.
+
+    The first participant of a domain listens on a port that follows from its number (RTPS
+    specification, section 9.6.1.1); who cannot bind it is not the first.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(('', 7410 + 250 * number))
+        except OSError:
+            return True
+    return False
 
 
 def _locked(path: Path) -> IO[str] | None:
