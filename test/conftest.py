@@ -1,8 +1,16 @@
 """What the tests of all packages share."""
 
+import os
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# The same examples in every run, so that a change is judged by what it changes;
+# `HYPOTHESIS_PROFILE=random make test` looks for new ones.
+settings.register_profile('fixed', derandomize=True, deadline=None)
+settings.register_profile('random', deadline=None)
+settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'fixed'))
 
 # Resolved: the packages reach this file through links.
 REPOSITORY = Path(__file__).resolve().parent.parent

@@ -113,6 +113,8 @@ def recursion(levels, damping, rank_gap=1e-6):
     n = levels[0][0].shape[1]
     qd, P, shares = np.zeros(n), np.eye(n), []
     for J, velocity in levels:
+        # Rows of nothing but rounding are rows of zeros.
+        J = J * (np.linalg.norm(J, axis=1, keepdims=True) > 1e-13)  # noqa: PLW2901
         size = max(float(np.linalg.norm(J)), 1e-300)
         J_bar = J @ P
         shares += list(np.linalg.svd(J_bar, compute_uv=False) / size)

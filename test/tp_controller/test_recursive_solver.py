@@ -165,3 +165,13 @@ def test_a_damping_that_is_negative_or_not_finite_is_refused(damping):
         solver.damping = damping
     assert caught.value.key == 'solver.damping'
     assert solver.damping == 0.2
+
+
+@pytest.mark.parametrize('damping', [0.0, 0.1])
+def test_a_level_of_nothing_but_rounding_asks_for_nothing(damping):
+    """Such as the height of a planar arm on a tilted base."""
+    upper, lower = random_levels(8, 4, [2, 2])
+    noise = (1e-16 * random_levels(9, 4, [2])[0][0], np.ones(2))
+    expected = solved([upper, lower], damping)
+    for levels in ([noise, upper, lower], [upper, noise, lower]):
+        np.testing.assert_allclose(solved(levels, damping), expected, atol=1e-12)

@@ -73,6 +73,9 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
     solver = stack.solver
     if not isinstance(solver, RecursiveSolver):
         return ()
+    # Loaded by the solver already; at the top it would be loaded to refuse a parameter file.
+    from tp_controller.solvers.kernel import STILL
+
     T = solver.metric
     size = float(np.linalg.norm(T, 2))
     free = np.eye(T.shape[0])
@@ -80,8 +83,13 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
     found = []
     for group, share, system in zip(solver.groups, solver.shares, stack.systems(), strict=True):
         # Rows of a set-based task that are out have no Jacobian and ask for nothing.
-        acts = np.any(system[0] != 0.0, axis=1) | (system[1] != 0.0)
-        J, requested, achieved = system[0][acts] @ T, system[1][acts], system[2][acts]
+        moved = np.linalg.norm(system[0], axis=1) > STILL
+        acts = moved | (system[1] != 0.0)
+        J, requested, achieved = (
+            (system[0] * moved[:, None])[acts] @ T,
+            system[1][acts],
+            system[2][acts],
+        )
         lost = requested - achieved
         U, s, Vt = np.linalg.svd(J @ free)
         rank = int(np.count_nonzero(s > RANK_TOLERANCE * size * np.linalg.norm(J)))

@@ -89,6 +89,7 @@ class Solver(ABC):
         self._basis = _basis(n, joint_weights)
         self._tolerance = RANK_TOLERANCE * float(np.linalg.norm(self._basis, 2))
         self._groups: Levels = ()
+        self._endless = np.full(n, np.inf)
         if saturation not in SATURATIONS:
             accepts = f'one of {listed(SATURATIONS)}'
             raise InvalidValue('solver.saturation', shown(saturation), accepts)
@@ -172,9 +173,9 @@ class Solver(ABC):
         """
         # Compiled, or loaded, when levels are there that can be resolved: nobody waits for a
         # compiler to be told of a mistake, and a simulator never needs it.
-        from tp_controller.solvers import kernel, saturation
+        from tp_controller.solvers import kernel
 
-        self._kernel, self._within = kernel, saturation.resolve_within
+        self._kernel = kernel
         self._groups = self.arrange(levels)
         self._jacobian_at = jacobian_at
         sizes = [sum(task.k for task in group) for group in self._groups]
@@ -219,16 +220,25 @@ class Solver(ABC):
         return self._resolve(J, velocity, limit, qd)
 
     def _resolve(self, J: Matrix, velocity: Vector, limit: Vector, qd: Vector) -> float:
-        levels = (J, velocity, self._starts, self._rules, self._basis, self._tolerance)
-        if self.holds_joints:
-            finite = self._within(*levels, limit, self._work, self._shares, qd)
-            scale = float(self._shares.min())
-        else:
-            finite = self._kernel.resolve(*levels, self._work, qd)
-            scale = self._kernel.shorten(qd, limit) if finite else 1.0
-            self._shares[:] = scale
+        within = limit if self.holds_joints else self._endless
+        finite = self._kernel.resolve(
+            J,
+            velocity,
+            self._starts,
+            self._rules,
+            self._basis,
+            self._tolerance,
+            within,
+            self._work,
+            self._shares,
+            qd,
+        )
         if not finite:
             raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
+        if self.holds_joints:
+            return float(self._shares.min())
+        scale: float = self._kernel.shorten(qd, limit)
+        self._shares[:] = scale
         return scale
 
 
