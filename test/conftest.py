@@ -4,12 +4,17 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 # The same examples in every run, so that a change is judged by what it changes;
 # `HYPOTHESIS_PROFILE=random make test` looks for new ones.
-settings.register_profile('fixed', derandomize=True, deadline=None)
-settings.register_profile('random', deadline=None)
+# How long an example takes and how many are left out says nothing about the code.
+MILD = {
+    'deadline': None,
+    'suppress_health_check': [HealthCheck.filter_too_much, HealthCheck.too_slow],
+}
+settings.register_profile('fixed', derandomize=True, **MILD)
+settings.register_profile('random', **MILD)
 settings.load_profile(os.environ.get('HYPOTHESIS_PROFILE', 'fixed'))
 
 # Resolved: the packages reach this file through links.

@@ -111,6 +111,9 @@ install_beside_system() {
 make_venv() {
   rm -rf .venv build install
   if [ "$ros" = wheels ]; then install_wheels; else install_beside_system; fi
+  # Once and on all cores, not by every node anew where Python may not write beside the sources.
+  # Some packages carry sources for other Pythons, which cannot be compiled.
+  .venv/bin/python -m compileall -q -j 0 .venv/lib >>"$log" 2>&1 || true
   echo "$ros" >.venv/ros
   venv_state >.venv/state
 }

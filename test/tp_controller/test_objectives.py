@@ -80,9 +80,9 @@ def test_the_hessian_is_right_on_trees_with_mimic_joints(case, data):
 @examples(60)
 def test_the_manipulability_is_the_root_of_the_determinant_and_has_its_slope(case, data):
     robot, q = case
-    axes = st.lists(st.sampled_from('xyz'), unique=True).map(''.join)
-    position, orientation = data.draw(axes), data.draw(axes)
-    assume(0 < len(position + orientation) <= robot.n)
+    position = data.draw(st.sampled_from(['x', 'yz', 'xyz']))
+    orientation = data.draw(st.sampled_from(['', 'z', 'xy']))
+    assume(len(position + orientation) <= robot.n)
     objective = ManipulabilityObjective(robot, robot.frames[-1], position, orientation)
     rows = ['xyz'.index(a) for a in sorted(position)] + [
         3 + 'xyz'.index(a) for a in sorted(orientation)
@@ -240,22 +240,27 @@ def test_the_extended_jacobian_comes_to_the_optimum_while_the_tip_stays(start, n
     assert np.abs(stack.tasks['tip'].error).max() < 1e-2
 
 
-@given(bent, st.floats(0.1, 0.3))
+slightly_bent = st.tuples(numbers(-3, 3), numbers(0.6, 1.0), numbers(0.6, 1.0))
+
+
+@given(slightly_bent, st.floats(0.1, 0.3))
 @examples(6)
 def test_a_closed_path_of_the_tip_is_a_closed_path_of_the_joints(start, radius):
-    start = np.array(start[:3])
+    """On a circle that leads from the tip towards the base, away from singularities."""
+    start = np.array(start)
     stack = extended(planar_block(1.0, 1.0, 1.0), start, 10.0, gain=[10.0])
     stack.robot.update(start)
-    centre = stack.robot.frame('link_3').position[:2] - [radius, 0.0]
+    tip = stack.robot.frame('link_3').position[:2].copy()
+    outward = tip / np.linalg.norm(tip)
+    centre, sideward = tip - radius * outward, np.array([-outward[1], outward[0]])
     q, ends, count = start.copy(), [], 600
     step = 2.0 * np.pi / count
     for i in range(3 * count + 1):
-        angle = i * step
         if i % count == 0:
             ends.append(q.copy())
-        circle = radius * np.array([np.cos(angle), np.sin(angle)])
-        stack.tasks['tip'].target = centre + circle
-        stack.tasks['tip'].feedforward = [-circle[1], circle[0]]
+        cosine, sine = np.cos(i * step), np.sin(i * step)
+        stack.tasks['tip'].target = centre + radius * (cosine * outward + sine * sideward)
+        stack.tasks['tip'].feedforward = radius * (cosine * sideward - sine * outward)
         q = q + step * stack.step(q).command
     assert np.abs(ends[2] - ends[1]).max() < 1e-4
     assert np.abs(ends[3] - ends[1]).max() < 1e-4
