@@ -8,12 +8,7 @@ from tp_controller.config import build_settings
 def main() -> None:
     scenario = load_scenario()
     goal, frame, gain = scenario['goal'].tolist(), scenario['frame'], [scenario['gain']]
-    posture = {
-        'type': 'joint',
-        'joints': scenario['joints'],
-        'target': scenario['posture'].tolist(),
-        'gain': gain,
-    }
+    posture = {'type': 'posture', 'target': scenario['posture'].tolist(), 'gain': gain}
     parameters = {
         'robot': {'urdf': scenario['urdf'], 'joints': scenario['joints']},
         'hierarchy': ['position', 'orientation', 'posture'],
