@@ -175,3 +175,14 @@ def test_a_level_of_nothing_but_rounding_asks_for_nothing(damping):
     expected = solved([upper, lower], damping)
     for levels in ([noise, upper, lower], [upper, noise, lower]):
         np.testing.assert_allclose(solved(levels, damping), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize('bad', [np.nan, np.inf])
+@pytest.mark.parametrize('saturation', ['uniform', 'null_space'])
+@pytest.mark.parametrize('place', [0, 1])
+def test_a_level_that_is_not_finite_is_refused_and_not_left_out(place, saturation, bad):
+    for part in (0, 1):
+        levels = random_levels(10, 4, [2, 2])
+        levels[place][part].flat[1] = bad
+        with pytest.raises(np.linalg.LinAlgError):
+            resolve(RecursiveSolver(4, saturation=saturation), levels, 1.0)

@@ -11,7 +11,7 @@ import pytest
 from ament_index_python.packages import get_package_prefix
 from sensor_msgs.msg import JointState
 
-from tp_sim.harness import ClosedLoop, NodeProcess, PrivateDomain
+from tp_sim.harness import Client, ClosedLoop, NodeProcess, PrivateDomain
 
 SIGNALS = pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 
@@ -73,10 +73,12 @@ def test_send_goal_that_waits_for_a_controller_ends_without_a_trace(number):
         domain.environment(),
         arguments=['ee_position', '1', '1', '--timeout', '30'],
     )
-    time.sleep(2.0)
+    client = Client(domain)
+    client.wait_for(lambda: 'send_goal' in client.node.get_node_names(), 'its node')
     process.signal(number)
     assert process.wait(5.0) == 3, process.output
     assert process.output.strip() == 'send_goal: interrupted'
+    client.close()
     domain.close()
 
 
@@ -84,13 +86,16 @@ def test_an_interrupted_comparison_says_so(config):
     command = f'{get_package_prefix("tp_sim")}/lib/tp_sim/compare'
     process = subprocess.Popen(
         [command, '--config', str(config / 'c3_repeatability.yaml')],
+        stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        # A pipe would keep the line back.
+        env=os.environ | {'PYTHONUNBUFFERED': '1'},
         # Python is interrupted only if its parent does not ignore the signal.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
     )
-    # Ten rounds at 1 kHz take much longer.
-    time.sleep(3.0)
+    # Ten rounds at 500 Hz take seconds from here.
+    assert process.stdout.readline().startswith('Running')
     process.send_signal(signal.SIGINT)
     _, message = process.communicate(timeout=5.0)
     assert (process.returncode, message) == (130, 'compare: interrupted\n')

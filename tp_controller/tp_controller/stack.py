@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from itertools import chain
 from typing import NamedTuple, NoReturn
 
@@ -101,12 +101,15 @@ class Stack:
         self.prepare_solver()
 
     def _result(self, tasks: Sequence[Task]) -> LevelResult:
-        rows = slice(self._rows[tasks[0].name].start, self._rows[tasks[-1].name].stop)
+        rows = self._level_rows(tasks)
         return LevelResult(
             tuple(task.name for task in tasks),
             _read_only(self._velocity[rows]),
             _read_only(self._achieved[rows]),
         )
+
+    def _level_rows(self, tasks: Sequence[Task]) -> slice:
+        return slice(self._rows[tasks[0].name].start, self._rows[tasks[-1].name].stop)
 
     def prepare_solver(self) -> None:
         """Tell the solver of the levels, and of their tasks' weights and inverses."""
@@ -137,17 +140,7 @@ class Stack:
             If there is no level, a name is unknown, a task stands twice or the solver
             cannot resolve the levels.
         """
-        levels = [[name.strip() for name in level.split('+')] for level in hierarchy]
-        accepts = f'names out of {listed(self.tasks)}, joined by + on one level'
-        if not levels:
-            raise InvalidValue('hierarchy', 'no level', accepts)
-        seen: set[str] = set()
-        for name in (name for names in levels for name in names):
-            if name not in self.tasks:
-                raise InvalidValue('hierarchy', shown(name), accepts)
-            if name in seen:
-                raise InvalidValue('hierarchy', f'{shown(name)} twice', 'every task once')
-            seen.add(name)
+        levels = split_hierarchy(hierarchy, self.tasks)
         members = [[self.tasks[name] for name in names] for names in levels]
         self.solver.check(members, damping)
         return members
@@ -156,9 +149,9 @@ class Stack:
         """Jacobian (k, n), requested and achieved velocity (k,) of every level; copies."""
         found = []
         for tasks in self._members:
-            rows = slice(self._rows[tasks[0].name].start, self._rows[tasks[-1].name].stop)
-            parts = self._J[rows], self._velocity[rows], self._achieved[rows]
-            found.append((parts[0].copy(), parts[1].copy(), parts[2].copy()))
+            rows = self._level_rows(tasks)
+            system = self._J[rows].copy(), self._velocity[rows].copy(), self._achieved[rows].copy()
+            found.append(system)
         return found
 
     def level_of(self, name: str) -> int:
@@ -214,6 +207,35 @@ class Stack:
             task.forget_target()
         self._held = []
         raise UnusableState(f'no finite command follows from the position {shown(q)}')
+
+
+def split_hierarchy(hierarchy: Sequence[str], known: Collection[str]) -> list[list[str]]:
+    """Task names of every level, highest first.
+
+    Parameters
+    ----------
+    hierarchy
+        Task names by level; ``a + b`` puts two on one level.
+    known
+        Names of all tasks.
+
+    Raises
+    ------
+    InvalidValue
+        If there is no level, a name is unknown or a task stands twice.
+    """
+    levels = [[name.strip() for name in level.split('+')] for level in hierarchy]
+    accepts = f'names out of {listed(known)}, joined by + on one level'
+    if not levels:
+        raise InvalidValue('hierarchy', 'no level', accepts)
+    seen: set[str] = set()
+    for name in (name for names in levels for name in names):
+        if name not in known:
+            raise InvalidValue('hierarchy', shown(name), accepts)
+        if name in seen:
+            raise InvalidValue('hierarchy', f'{shown(name)} twice', 'every task once')
+        seen.add(name)
+    return levels
 
 
 def _read_only(array: Vector) -> Vector:

@@ -99,6 +99,7 @@ def compare(config: Path, schemes: Sequence[str], console: Console) -> None:
             refusals.append((scheme, error))
     if not stacks:
         raise refusals[0][1]
+    console.print(f'Running {config} under {", ".join(stacks)}', soft_wrap=True)
     for goals in script.goals:
         outcomes = {
             scheme: run(config, stack, goals, script.seconds_per_goal)

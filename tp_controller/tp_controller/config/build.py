@@ -16,7 +16,7 @@ from tp_controller.config.schema import (
     robot_source,
     task_names,
 )
-from tp_controller.errors import NO_VALUE, InvalidValue, listed, shown
+from tp_controller.errors import NO_VALUE, InvalidValue
 from tp_controller.objectives import OBJECTIVE_TYPES, Objective
 from tp_controller.parameters import Flat, flatten, read_all
 from tp_controller.robot import (
@@ -29,7 +29,7 @@ from tp_controller.robot import (
     urdf_robot,
 )
 from tp_controller.solvers import SOLVER_TYPES, Inverse
-from tp_controller.stack import Stack
+from tp_controller.stack import Stack, split_hierarchy
 from tp_controller.tasks import TASK_TYPES, Task
 
 
@@ -86,11 +86,7 @@ def read_parameters(parameters: Mapping[str, Any]) -> Flat:
     """
     flat = flatten(parameters)
     values = read_all(flat, controller_schema(flat))
-    tasks = task_names(values)
-    for name in (name.strip() for level in values['hierarchy'] for name in level.split('+')):
-        if name not in tasks:
-            accepts = f'names out of {listed(tasks)}, joined by + on one level'
-            raise InvalidValue('hierarchy', shown(name), accepts)
+    split_hierarchy(values['hierarchy'], task_names(values))
     return values
 
 

@@ -253,8 +253,19 @@ def resolve(J, velocity, starts, rules, basis, tolerance, limit, work, shares, q
 
     Parameters
     ----------
-    J, velocity, starts, rules, basis, tolerance
-        limit
+    J
+        Rows of all levels (K, n), highest first.
+    velocity
+        Desired task velocity (K,).
+    starts
+        First row of every level, then K (levels + 1,).
+    rules
+        λ and ε of every level (levels, 2), see `_invert`.
+    basis
+        Rows (n, n) that span the joint velocities, orthonormal in the metric to minimise.
+    tolerance
+        Singular values below this times ‖J‖ (Frobenius) count for nothing.
+    limit
         Largest speed of every joint (n,); infinite if there is none.
     work
         Space to work in, see `workspace`.
@@ -292,6 +303,9 @@ def resolve(J, velocity, starts, rules, basis, tolerance, limit, work, shares, q
             for j in range(m):
                 Z[j, c] = N[j, c]
                 way[c] += answers[0, j] * N[j, c]
+            # What is not finite fits no limit; the level would be left out without a word.
+            if not math.isfinite(way[c]):
+                return False
         freedom = m
         if full < m:
             _reduce(N, spare, B, answers[1], full, m, n)
