@@ -303,7 +303,7 @@ def resolve(J, velocity, starts, rules, basis, tolerance, limit, work, shares, q
             for j in range(m):
                 Z[j, c] = N[j, c]
                 way[c] += answers[0, j] * N[j, c]
-            # What is not finite fits no limit; the level would be left out without a word.
+            # Comparisons with limits would say nothing about what is not finite.
             if not math.isfinite(way[c]):
                 return False
         freedom = m
