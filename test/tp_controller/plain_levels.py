@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tp_controller.solvers import Inverse
+from tp_controller.solvers import Bounds, Inverse
 
 
 class Rows(NamedTuple):
@@ -15,6 +15,7 @@ class Rows(NamedTuple):
     inverse: Inverse = Inverse()
     weight: float = 1.0
     set_based: bool = False
+    one_sided: bool = False
 
 
 def resolve(solver, levels, limit=np.inf, **settings):
@@ -32,7 +33,7 @@ def resolve(solver, levels, limit=np.inf, **settings):
     solver.solve(
         np.vstack([J for J, _ in levels]),
         np.concatenate([velocity for _, velocity in levels]),
-        np.broadcast_to(np.array(limit, dtype=float), qd.shape).copy(),
+        Bounds.of_speed(np.broadcast_to(np.array(limit, dtype=float), qd.shape).copy()),
         qd,
     )
     return qd

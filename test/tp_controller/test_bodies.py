@@ -143,7 +143,7 @@ def test_a_mesh_that_is_not_there_wants_capsules_or_a_radius():
     text = URDF.replace('SHAPE', '<mesh filename="package://none/hand.stl"/>')
     with pytest.raises(InvalidValue) as caught:
         bodies_of(text)
-    assert caught.value.key == 'capsules.hand'
+    assert caught.value.key == 'robot.capsules.hand'
     assert 'package://none/hand.stl' in caught.value.got
     assert 'link_radius' in caught.value.accepts
     assert '\n' not in str(caught.value)
@@ -240,20 +240,32 @@ def clothed(shape):
 @pytest.mark.parametrize(
     ('make', 'key', 'accepts'),
     [
-        (lambda: clad(link_radius=[0.1, 0.2, 0.3]), 'link_radius', '1 value or 2'),
-        (lambda: clad(link_radius=[]), 'link_radius', '1 value or 2'),
-        (lambda: clad(link_radius=[-0.1]), 'link_radius', 'above 0'),
-        (lambda: clad(link_radius=[math.nan]), 'link_radius', 'above 0'),
-        (lambda: clad(capsules={'hand': [0.0] * 7}), 'capsules.hand', 'base, link_1, link_2'),
-        (lambda: clad(capsules={'link_1': [0.0] * 6}), 'capsules.link_1', '7 a capsule'),
-        (lambda: clad(capsules={'link_1': []}), 'capsules.link_1', '7 a capsule'),
-        (lambda: clad(capsules={'link_1': [0.0] * 7}), 'capsules.link_1', 'radius above 0'),
-        (lambda: clad(capsules={'link_1': [math.inf] * 7}), 'capsules.link_1', 'radius above 0'),
-        (lambda: clothed('<cone/>'), 'capsules.hand', 'radius above 0'),
-        (lambda: clothed('<sphere radius="0"/>'), 'capsules.hand', 'radius above 0'),
+        (lambda: clad(link_radius=[0.1, 0.2, 0.3]), 'robot.link_radius', '1 value or 2'),
+        (lambda: clad(link_radius=[]), 'robot.link_radius', '1 value or 2'),
+        (lambda: clad(link_radius=[-0.1]), 'robot.link_radius', 'above 0'),
+        (lambda: clad(link_radius=[math.nan]), 'robot.link_radius', 'above 0'),
+        (
+            lambda: clad(capsules={'hand': [0.0] * 7}),
+            'robot.capsules.hand',
+            'base, link_1, link_2',
+        ),
+        (lambda: clad(capsules={'link_1': [0.0] * 6}), 'robot.capsules.link_1', '7 a capsule'),
+        (lambda: clad(capsules={'link_1': []}), 'robot.capsules.link_1', '7 a capsule'),
+        (lambda: clad(capsules={'link_1': [0.0] * 7}), 'robot.capsules.link_1', 'above 0'),
+        (
+            lambda: clad(capsules={'link_1': [math.inf] * 7}),
+            'robot.capsules.link_1',
+            'radius above 0',
+        ),
+        (lambda: clothed('<cone/>'), 'robot.capsules.hand', 'above 0'),
+        (lambda: clothed('<sphere radius="0"/>'), 'robot.capsules.hand', 'above 0'),
         (lambda: clothed('<sphere/>'), 'robot.urdf', '1 finite numbers'),
-        (lambda: clothed(''), 'capsules.hand', 'radius above 0'),
-        (lambda: clothed(f'<mesh filename="{__file__}"/>'), 'capsules.hand', 'radius above 0'),
+        (lambda: clothed(''), 'robot.capsules.hand', 'above 0'),
+        (
+            lambda: clothed(f'<mesh filename="{__file__}"/>'),
+            'robot.capsules.hand',
+            'radius above 0',
+        ),
         (from_sphere, 'links', 'robot.link_radius'),
         (lambda: from_sphere(['hand'], link_radius=[0.1]), 'links', 'link_1, link_2'),
         (lambda: of_pairs([('link_1', 'hand')]), 'pairs', 'link_1, link_2'),

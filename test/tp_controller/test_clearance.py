@@ -63,7 +63,7 @@ def test_links_are_as_far_from_an_obstacle_as_in_plain_numpy(arm, obstacle, data
     bodies = robot_bodies(robot, capsules=given_capsules)
     clearance = obstacle_clearance(robot, bodies, shape_of(obstacle), list(bodies))
     robot.update(q)
-    clearance.update(math.inf)
+    clearance.update()
     for row, link in enumerate(clearance.names):
 
         def distance(q, link=link):
@@ -84,7 +84,7 @@ def test_links_are_as_far_from_each_other_as_in_plain_numpy(arm, data):
     q, qd = data.draw(states(robot.n)), data.draw(states(robot.n))
     clearance = made(robot, robot_bodies(robot, capsules=given_capsules))
     robot.update(q)
-    clearance.update(math.inf)
+    clearance.update()
     for row, name in enumerate(clearance.names):
 
         def distance(q, name=name):
@@ -140,7 +140,7 @@ def test_no_state_changes_a_distance_faster_than_its_reach(arm, obstacle, data):
     both = obstacle_clearance(robot, bodies, shape_of(obstacle), list(bodies))
     for clearance in (both, made(robot, bodies)):
         robot.update(data.draw(states(robot.n)))
-        clearance.update(math.inf)
+        clearance.update()
         assert np.all(np.abs(clearance.slope) <= clearance.reach + 1e-6)
 
 
@@ -158,15 +158,18 @@ def test_a_bound_is_never_above_its_distance_and_near_ones_are_exact(arm, obstac
         q = np.clip(q + 0.1 * np.array(data.draw(vectors(robot.n, 1))), -5.0, 5.0)
         robot.update(q)
         for kept, fresh in (pair, own):
-            kept.update(threshold)
+            kept.threshold = threshold
+            kept.update()
             exact = fresh.distances()
-            fresh.update(math.inf)
+            fresh.update()
             near = exact < threshold
             assert np.all(kept.distance <= exact + 1e-6)
             np.testing.assert_allclose(kept.distance[near], exact[near], atol=1e-6)
             assert np.all(kept.distance[~near] >= threshold - 1e-6)
             assert not kept.slope[~near].any()
-            np.testing.assert_array_equal(kept.distances(threshold), kept.distance)
+            probed = np.zeros_like(exact)
+            kept.probe(probed)
+            np.testing.assert_array_equal(probed, kept.distance)
 
 
 def test_far_rows_are_not_computed_anew(monkeypatch):
@@ -174,10 +177,11 @@ def test_far_rows_are_not_computed_anew(monkeypatch):
     clearance = obstacle_clearance(
         robot, robot_bodies(robot, link_radius=[0.1]), half_space([0.0, -5.0, 0.0], [0, 1, 0])
     )
-    clearance.update(0.1)
+    clearance.threshold = 0.1
+    clearance.update()
     monkeypatch.setattr(clearance, '_compute', lambda pair: pytest.fail('computed'))
     robot.update(np.array([0.5, -0.5]))
-    clearance.update(0.1)
+    clearance.update()
     np.testing.assert_allclose(clearance.distance, [4.9 - 0.5 * 1.1, 4.9 - 0.5 * (2.1 + 1.1)])
 
 
@@ -191,15 +195,17 @@ def test_an_obstacle_that_has_moved_is_as_one_that_was_always_there(
     shape, pose = obstacle
     robot.update(data.draw(states(robot.n)))
     clearance = obstacle_clearance(robot, bodies, shape_of(obstacle), list(bodies))
-    clearance.update(0.3)
+    clearance.threshold = 0.3
+    clearance.update()
     pose = pose.copy()
     pose[:3, 3] += way
     if turned:
         pose[:3, :3] = pose[:3, :3] @ rotation(turn)
     clearance.move(pin.SE3(pose))
-    clearance.update(0.3)
+    clearance.update()
     there = obstacle_clearance(robot, bodies, shape_of((shape, pose)), list(bodies))
-    there.update(0.3)
+    there.threshold = 0.3
+    there.update()
     exact = there.distances()
     assert np.all(clearance.distance <= exact + 1e-6)
     np.testing.assert_allclose(clearance.slope, there.slope, atol=2e-3)
@@ -237,7 +243,7 @@ def test_in_the_very_middle_distance_and_slope_are_finite(kind):
         for body in (Shape('sphere', (0.1,), pin.SE3.Identity()), shape.moved(pin.SE3.Identity())):
             clearance = obstacle_clearance(robot, {'link_1': (body,)}, shape)
             robot.update(np.array([turns if turns < 3.0 else 0.0]))
-            clearance.update(math.inf)
+            clearance.update()
             assert np.all(np.isfinite(clearance.slope))
             assert np.all(np.abs(clearance.slope) <= clearance.reach + 1e-9)
             assert np.all(np.abs(clearance.distance) < 3.0)
@@ -251,12 +257,12 @@ def test_a_link_with_several_shapes_has_the_nearest_one_in_its_row():
     )
     clearance = obstacle_clearance(robot, arm, half_space([0.0, 2.0, 0.0], [0.0, -1.0, 0.0]))
     robot.update(np.zeros(2))
-    clearance.update(5.0)
+    clearance.update()
     assert clearance.names == ('link_2',)
     np.testing.assert_allclose(clearance.distance, [1.3])
     np.testing.assert_allclose(clearance.slope, [[-2.0, -1.0]], atol=1e-12)
     robot.update(np.array([-math.pi / 2, 0.0]))
-    clearance.update(5.0)
+    clearance.update()
     np.testing.assert_allclose(clearance.distance, [2.9])
     np.testing.assert_allclose(clearance.slope, [[-0.0, 0.0]], atol=1e-12)
 

@@ -68,6 +68,7 @@ def test_whole_numbers_are_accepted_wherever_a_number_is_expected():
         'position_min': [-3.0],
         'position_max': [3.0],
     }
+    block['rate'] = 100.0
     block['tasks']['tip'] |= {'gain': [2.0, 0.0, 0.0, 2.0]}
     numbers = [v for v in flatten(whole(block)).values() if not isinstance(v, str)]
     assert not any(
@@ -122,6 +123,7 @@ def test_every_value_reaches_the_object_that_it_is_for():
                 'robot.limits.position_min': [-1.0],
                 'robot.limits.position_max': [2.0],
                 'robot.limits.acceleration': [4.0],
+                'rate': 50.0,
                 'solver.damping': 0.25,
                 'command.type': 'float64_multi_array',
             }
@@ -131,6 +133,7 @@ def test_every_value_reaches_the_object_that_it_is_for():
     assert robot.joints == ('joint_1', 'joint_2', 'joint_3')
     assert robot.base_frame == 'world'
     assert stack.solver.damping == 0.25
+    assert stack.guard.period == 0.02
     assert values['command.type'] == 'float64_multi_array'
     assert stack.hierarchy == ('tip + elbow', 'turn', 'place')
     assert list(stack.tasks) == ['tip', 'turn', 'place', 'elbow', 'spare']

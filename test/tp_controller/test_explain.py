@@ -104,7 +104,13 @@ def test_rows_that_are_out_do_not_count():
         'robot': planar_block(1.0, 1.0) | {'limits': {'velocity': [1.0]}},
         'hierarchy': ['range'],
         'tasks': {
-            'range': {'type': 'joint_limits', 'min': [-1.0], 'max': [1.0], 'activation': 0.1}
+            'range': {
+                'type': 'joint_limits',
+                'min': [-1.0],
+                'max': [1.0],
+                'switching': 'hysteresis',
+                'activation': 0.1,
+            }
         },
     }
     stack = build_settings(block).stack
@@ -136,7 +142,7 @@ def stepped(draw, saturation):
     block['solver'] = block['solver'] | {'saturation': saturation}
     stack = build_settings(block).stack
     stack.step(draw(states(n)))
-    _, shares = recursion([(J, np.zeros(len(J))) for J, *_ in stack.systems()], 0.0)
+    _, shares = recursion([(system.J, np.zeros(len(system.J))) for system in stack.systems()], 0.0)
     assume(away_from_rank_changes(shares, 1e-13, 1e-5))
     return stack
 
@@ -146,9 +152,9 @@ def stepped(draw, saturation):
 def test_the_parts_are_the_recursion_with_one_cause_removed_after_the_other(stack):
     """Against independent recursions: undamped and unlimited, damped, damped and limited."""
     systems = stack.systems()
-    levels = [(J, requested) for J, requested, _ in systems]
+    levels = [(system.J, system.requested) for system in systems]
     damped, _ = recursion(levels, stack.solver.damping)
-    for level, (J, requested, achieved) in zip(explain(stack), systems, strict=True):
+    for level, (J, _, requested, _, achieved) in zip(explain(stack), systems, strict=True):
         size = max(1.0, float(np.abs(requested).max()), float(np.abs(J @ damped).max()))
         assert level.shortfall == pytest.approx(
             float(np.linalg.norm(requested - achieved)), abs=1e-9 * size
@@ -170,7 +176,7 @@ def test_the_parts_are_the_recursion_with_one_cause_removed_after_the_other(stac
 def test_without_a_loss_to_limits_both_saturations_tell_the_same(stack):
     if stack.solver.shares.min() < 1.0:
         return
-    for level, (_, requested, achieved) in zip(explain(stack), stack.systems(), strict=True):
+    for level, (*_, requested, _, achieved) in zip(explain(stack), stack.systems(), strict=True):
         size = max(1.0, float(np.abs(requested).max()))
         assert level.lost_to_saturation == pytest.approx(0.0, abs=1e-6 * size)
         assert level.shortfall == pytest.approx(

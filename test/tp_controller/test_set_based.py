@@ -15,19 +15,18 @@ from urdf_reference import descriptions
 
 from tp_controller import InvalidValue, build_settings, read_parameter_file
 from tp_controller.robot import Limits, urdf_robot
-from tp_controller.tasks import JointLimitsTask, ObstacleTask
+from tp_controller.tasks import JointLimitsTask, ObstacleTask, Switching
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 H = 1e-6
+ON = Switching('hysteresis', 0.1)
 
 
 def measured(task, q):
     """Distances and their derivative, with every row in."""
     task.robot.update(q)
-    task.on[:] = True
-    task.release = math.inf
-    task.update()
-    return task.distance.copy(), task.J.copy()
+    task.measure()
+    return task.distance.copy(), task._slope.copy()
 
 
 def limited(robot, velocity=1.0, **position):
@@ -43,7 +42,7 @@ def test_an_obstacle_is_as_far_away_as_its_surface_and_j_is_the_rate(block, data
     axes = data.draw(st.sampled_from(['xyz', 'xy', 'xz', 'yz', 'x']))
     rows = ['xyz'.index(letter) for letter in axes]
     center = data.draw(vectors(len(axes), 2))
-    task = ObstacleTask('o', robot_of(block), f'link_{n}', center, 0.3, axes, activation=0.1)
+    task = ObstacleTask('o', robot_of(block), f'link_{n}', center, 0.3, axes, switching=ON)
 
     def distance(q):
         way = dh_poses(block['dh'], q)[-1][:3, 3][rows] - center
@@ -61,7 +60,7 @@ def test_an_obstacle_is_as_far_away_as_its_surface_and_j_is_the_rate(block, data
 def test_joint_limits_are_as_far_away_as_their_nearer_end(data):
     robot = planar_robot(1.0, 1.0, 1.0)
     task = JointLimitsTask(
-        'l', robot, ['joint_3', 'joint_1'], [-2.0, -math.inf], [1.0, 3.0], activation=0.1
+        'l', robot, ['joint_3', 'joint_1'], [-2.0, -math.inf], [1.0, 3.0], switching=ON
     )
     q = data.draw(states(3))
     distance, J = measured(task, q)
@@ -73,7 +72,7 @@ def test_joint_limits_are_as_far_away_as_their_nearer_end(data):
 
 def test_a_row_comes_in_at_the_activation_and_goes_out_at_the_release():
     task = JointLimitsTask(
-        'l', planar_robot(1.0), None, [-1.0], [1.0], activation=0.1, release=0.3
+        'l', planar_robot(1.0), None, [-1.0], [1.0], switching=Switching('hysteresis', 0.1, 0.3)
     )
     task.gain = [2.0]
     active = []
@@ -126,15 +125,20 @@ def test_a_level_below_does_not_move_what_is_held_at_its_limit():
 def test_a_set_based_task_that_stays_out_changes_no_command_by_even_one_bit(block, data):
     n = len(block['robot']['joints'])
     q = data.draw(states(n))
+    block['robot'] = block['robot'] | {'limits': {'velocity': [2.0]}}
+    block['rate'] = 100.0
     plain = build_settings(block).stack.step(q).command
+    how = data.draw(st.sampled_from(['smooth', 'hysteresis']))
+    assume(how == 'hysteresis' or 'prismatic' not in block['robot']['dh']['types'])
     far = {
         'type': 'obstacle',
         'frame': f'link_{n}',
         'center': [100.0, 0.0, 0.0],
         'radius': 1.0,
         'activation': 0.1,
+        'switching': how,
     }
-    ends = {'type': 'joint_limits', 'min': [-100.0], 'max': [100.0], 'activation': 0.1}
+    ends = {'type': 'joint_limits', 'min': [-100.0], 'max': [100.0], 'switching': how}
     tasks = block['tasks'] | {'far': far, 'ends': ends}
     levels = block['hierarchy']
     place = data.draw(st.integers(0, len(levels)))
@@ -211,7 +215,11 @@ def test_with_safe_thresholds_no_boundary_is_ever_crossed(name, seed):
 )
 def test_b1_the_arm_comes_as_close_as_in_the_report(activation, low, high):
     """About 2.3 cm inside, 0.3 cm inside and 3.6 cm outside, over 30 random goals."""
-    thresholds = {'activation': activation, 'release': activation + 0.05}
+    thresholds = {
+        'switching': 'hysteresis',
+        'activation': activation,
+        'release': activation + 0.05,
+    }
     changes = {
         f'tasks.obstacle_{i}.{key}': value for i in (1, 2, 3) for key, value in thresholds.items()
     }
@@ -233,16 +241,35 @@ def test_b1_a_goal_inside_an_obstacle_leaves_the_arm_outside():
 def test_left_out_thresholds_are_safe_at_the_rate_and_the_velocity_limits(velocity, rate):
     robot = planar_robot(0.75, 0.5, 0.5)
     robot.limits = Limits(3, velocity=velocity)
-    task = ObstacleTask('o', robot, 'link_3', [0.0, 0.0], 0.1, 'xy', 1.0 / rate)
+    task = watcher(robot, rate, Switching('hysteresis'))
     travel = float(np.dot(velocity, [1.75, 1.0, 0.5])) / rate
     assert task.activation > travel
     assert task.release > task.activation
     assert task.warnings == ()
-    close = ObstacleTask('o', robot, 'link_3', [0.0, 0.0], 0.1, 'xy', 1.0 / rate, 0.9 * travel)
+    close = watcher(robot, rate, Switching('hysteresis', 0.9 * travel))
     (warning,) = close.warnings
     assert f'{task.activation / 1.25:.3g}' in warning
     assert task.activation / 1.25 == pytest.approx(travel)
     assert 'tasks.o.activation' in warning
+
+
+def watcher(robot, rate, switching):
+    return ObstacleTask('o', robot, 'link_3', [0.0, 0.0], 0.1, 'xy', 1.0 / rate, switching)
+
+
+@given(positive_vectors(3, 0.1, 2), positive_vectors(3, 1, 20), numbers(20, 1000))
+@examples(20)
+def test_a_left_out_activation_leaves_time_to_brake(velocity, acceleration, rate):
+    robot = planar_robot(0.75, 0.5, 0.5)
+    robot.limits = Limits(3, velocity=velocity, acceleration=acceleration)
+    task = watcher(robot, rate, Switching())
+    fastest = float(np.dot(velocity, [1.75, 1.0, 0.5]))
+    braking = max(4.0 / rate, float(np.max(np.divide(velocity, acceleration))))
+    assert task.margin == pytest.approx(1e-4 + 0.5 * fastest * sum(velocity) / rate**2)
+    assert task.activation == pytest.approx(task.margin + fastest * braking)
+    assert task.warnings == ()
+    (warning,) = watcher(robot, rate, Switching(activation=0.9 * task.activation)).warnings
+    assert f'{task.activation:.3g}' in warning
 
 
 def obstacle(**changes):
@@ -264,8 +291,26 @@ def joint_limits(**changes):
         (lambda: obstacle(center=[0.0, math.nan]), 'center', 'finite'),
         (lambda: obstacle(frame='hand'), 'frame', 'link_1, link_2'),
         (lambda: obstacle(axes='q'), 'axes', 'xyz'),
-        (lambda: obstacle(activation=0.2, release=0.1), 'release', 'more than the activation'),
-        (lambda: obstacle(period=math.inf), 'activation', 'rate and robot.limits.velocity'),
+        (lambda: obstacle(switching=Switching('off')), 'switching', 'smooth, hysteresis'),
+        (
+            lambda: obstacle(switching=Switching('hysteresis', 0.2, 0.1)),
+            'release',
+            'more than the activation',
+        ),
+        (
+            lambda: obstacle(period=math.inf, switching=Switching('hysteresis')),
+            'activation',
+            'rate and robot.limits.velocity',
+        ),
+        (lambda: obstacle(period=math.inf), 'activation', 'switching hysteresis'),
+        (lambda: obstacle(switching=Switching(release=0.3)), 'release', 'switching hysteresis'),
+        (
+            lambda: obstacle(switching=Switching('hysteresis', margin=0.3)),
+            'margin',
+            'switching smooth',
+        ),
+        (lambda: obstacle(switching=Switching(margin=0.0)), 'margin', 'above 0'),
+        (lambda: obstacle(switching=Switching('smooth', 0.1, None, 0.2)), 'activation', 'margin'),
         (lambda: joint_limits(joints=['x']), 'joints', 'joint_1, joint_2'),
         (lambda: joint_limits(joints=[]), 'joints', 'joint_1, joint_2'),
         (lambda: joint_limits(lower=[1.0, 2.0, 3.0]), 'min', '1 value or 2'),

@@ -51,18 +51,22 @@ def test_b1_the_end_stays_outside_at_every_step(loop, goal):
         assert record.error_norm['ee_position'][-1] > -inside
 
 
-def test_b1_a_goal_moves_an_obstacle(loop):
+def test_b1_a_goal_moves_an_obstacle_onto_the_arm_which_comes_out(loop):
     loop.send_goal('ee_position', [1.2, 0.6])
     loop.run(6.0)
     before = loop.client.task('obstacle_1').distance[0]
-    loop.send_goal('obstacle_1', [0.65, 0.6])
+    loop.send_goal('obstacle_1', [0.8, 0.6])
     moved = loop.client.task('obstacle_1')
-    assert list(moved.desired) == [0.65, 0.6]
+    assert list(moved.desired) == [0.8, 0.6]
     loop.step(1)
     assert loop.client.task('obstacle_1').active
-    assert loop.client.task('obstacle_1').distance[0] < before
+    deep = loop.client.task('obstacle_1').distance[0]
+    assert deep == pytest.approx(-0.1, abs=0.01)
+    assert before > 0.0
+    loop.clear_record()
     loop.run(5.0)
-    assert loop.client.task('obstacle_1').distance[0] > 0.06
+    assert np.all(np.diff(loop.record.distance['obstacle_1'][:, 0]) > -1e-9)
+    assert loop.client.task('obstacle_1').distance[0] > 0.0
 
 
 def test_b1_a_bad_centre_is_refused(loop):
@@ -97,8 +101,16 @@ def test_b2_the_joint_never_leaves_its_range_and_an_unreachable_goal_leaves_an_e
     assert record.error_norm['ee_position'][-1] > 0.1
 
 
-def test_an_activation_that_one_step_can_cross_is_warned_of(lone_controller):
-    changes = {'tp_controller': {'tasks': {'obstacle_1': {'activation': 0.01}}}}
+@pytest.mark.parametrize(
+    ('switching', 'warning'),
+    [
+        ('hysteresis', '0.01 is less than one step can travel, 0.081'),
+        ('smooth', '0.01 is less than it takes to brake from full speed, 0.328'),
+    ],
+)
+def test_an_activation_that_is_too_near_is_warned_of(lone_controller, switching, warning):
+    task = {'switching': switching, 'activation': 0.01}
+    changes = {'tp_controller': {'tasks': {'obstacle_1': task}}}
     controller = lone_controller(changes, name='b1_obstacles')
-    warning = 'tasks.obstacle_1.activation: 0.01 is less than one step can travel, 0.081'
+    warning = f'tasks.obstacle_1.activation: {warning}'
     controller.client.wait_for(lambda: warning in controller.process.output, 'the warning')

@@ -24,7 +24,7 @@ TOLD = 1e-6
 class Explanation(NamedTuple):
     """Why a level did not get all that it asked for in the last step.
 
-    ``requested - achieved`` is the sum of four vectors; their norms are given here, in the
+    ``requested - achieved`` is the sum of five vectors; their norms are given here, in the
     units of the task.
     """
 
@@ -46,6 +46,8 @@ class Explanation(NamedTuple):
     """What the damped inverse held back."""
     lost_to_saturation: float
     """What the velocity limits cost."""
+    lost_to_guard: float
+    """What limits of position and acceleration and the last check of distances cost."""
 
     @property
     def text(self) -> str:
@@ -55,6 +57,7 @@ class Explanation(NamedTuple):
             (self.lost_to_singularity, 'a singularity'),
             (self.lost_to_damping, 'damping'),
             (self.lost_to_saturation, 'velocity limits'),
+            (self.lost_to_guard, 'position or acceleration limits or braking'),
         ]
         told = sorted((loss for loss in losses if loss[0] > TOLD), reverse=True)
         return ', '.join(f'{amount:.3g} to {cause}' for amount, cause in told)
@@ -81,21 +84,19 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
     free = np.eye(T.shape[0])
     above: list[tuple[str, Matrix]] = []
     found = []
-    for group, share, system in zip(solver.groups, solver.shares, stack.systems(), strict=True):
+    rows = zip(solver.groups, solver.shares, solver.rules, stack.systems(), strict=True)
+    for group, share, (damping, region), system in rows:
         # Rows of a set-based task that are out have no Jacobian and ask for nothing.
-        moved = np.linalg.norm(system[0], axis=1) > STILL
-        acts = moved | (system[1] != 0.0)
-        J, requested, achieved = (
-            (system[0] * moved[:, None])[acts] @ T,
-            system[1][acts],
-            system[2][acts],
-        )
-        lost = requested - achieved
+        moved = np.linalg.norm(system.J, axis=1) > STILL
+        acts = system.counts & (moved | (system.requested != 0.0))
+        J = (system.J * moved[:, None])[acts] @ T
+        answered = system.answered[acts]
+        lost = system.requested[acts] - answered
+        guarded = answered - system.achieved[acts]
         U, s, Vt = np.linalg.svd(J @ free)
         rank = int(np.count_nonzero(s > RANK_TOLERANCE * size * np.linalg.norm(J)))
         U, s = U[:, :rank], s[:rank]
         if solver.holds_joints:
-            damping, region = group[0].inverse.over(solver.inverse).rule
             passed = s * s / (s * s + damping**2 * np.maximum(0.0, 1.0 - (s / region) ** 2))
             # Of each direction's wish the level got this share, less what damping held back.
             missed = U.T @ lost
@@ -105,7 +106,7 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
             damped = U @ missed - saturated
         else:
             # The limits shortened everything alike after the last level.
-            saturated = achieved / share - achieved
+            saturated = answered / share - answered
             damped = U @ (U.T @ (lost - saturated))
         blocked = lost - damped - saturated
         reach = _range(J, size)
@@ -117,11 +118,12 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
                 int(acts.sum()),
                 rank,
                 float(s[-1]) if rank else np.inf,
-                float(np.linalg.norm(lost)),
+                float(np.linalg.norm(lost + guarded)),
                 _shares_of(above, J.T @ reachable, float(np.linalg.norm(reachable))),
                 float(np.linalg.norm(blocked - reachable)),
                 float(np.linalg.norm(damped)),
                 float(np.linalg.norm(saturated)),
+                float(np.linalg.norm(guarded)),
             )
         )
         above.append((name, Vt[:rank] @ free.T))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+import math
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import NamedTuple, NoReturn
 
@@ -10,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, UnusableState, listed, shown
+from tp_controller.guard import Guard
 from tp_controller.robot import Robot
 from tp_controller.solvers import Solver
-from tp_controller.tasks import Task
+from tp_controller.tasks import SetBasedTask, Task
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -29,6 +31,21 @@ class LevelResult(NamedTuple):
     """Task velocity of the command (k,); a read-only view that the next step overwrites."""
 
 
+class System(NamedTuple):
+    """One level of the last step, row by row."""
+
+    J: Matrix
+    """Jacobian (k, n)."""
+    counts: NDArray[np.bool_]
+    """Whether each row was resolved (k,); bounds that nothing breaks are not."""
+    requested: Vector
+    """Desired task velocity (k,)."""
+    answered: Vector
+    """Task velocity of the solver's answer (k,)."""
+    achieved: Vector
+    """Task velocity of the command (k,), which the guard may have changed."""
+
+
 class Step(NamedTuple):
     """Result of one step."""
 
@@ -41,7 +58,7 @@ class Step(NamedTuple):
 
 
 class Stack:
-    """Tasks in levels of priority, a solver and the robot's velocity limits.
+    """Tasks in levels of priority, a solver and the robot's limits.
 
     Parameters
     ----------
@@ -53,22 +70,31 @@ class Stack:
         Task names, highest priority first; ``a + b`` puts two tasks on one level.
     solver
         Resolves the levels.
+    period
+        Time [s] of one step, which limits of position and acceleration and the last check of
+        distances need; infinite if unknown.
 
     Raises
     ------
     InvalidValue
-        If the hierarchy is empty, names an unknown task or names one twice.
+        If the hierarchy is empty, names an unknown task or names one twice; as `Guard`.
     """
 
     def __init__(
-        self, robot: Robot, tasks: Iterable[Task], hierarchy: Sequence[str], solver: Solver
+        self,
+        robot: Robot,
+        tasks: Iterable[Task],
+        hierarchy: Sequence[str],
+        solver: Solver,
+        period: float = math.inf,
     ) -> None:
         self.robot = robot
         self.solver = solver
         self.tasks = {task.name: task for task in tasks}
         self._unaimed = [task for task in self.tasks.values() if task.target_size]
         self._held: list[Task] = []
-        self._qd: Vector = np.zeros(robot.n)
+        self.guard = Guard(robot, period)
+        self._qd, self._wish = np.zeros((2, robot.n))
         self._command = _read_only(self._qd)
         self._members: list[list[Task]] = []
         self.hierarchy = hierarchy
@@ -99,6 +125,15 @@ class Stack:
             task.place(self._J[self._rows[task.name]])
         self._results = tuple(self._result(tasks) for tasks in members)
         self.prepare_solver()
+        self.guard.watch(self._kept())
+
+    def _kept(self) -> Iterator[SetBasedTask]:
+        """Tasks whose distances are kept whatever happens: those above all that always act."""
+        for members in self._members:
+            bounds = [task for task in members if isinstance(task, SetBasedTask)]
+            if len(bounds) < len(members) or not all(task.one_sided for task in bounds):
+                return
+            yield from bounds
 
     def _result(self, tasks: Sequence[Task]) -> LevelResult:
         rows = self._level_rows(tasks)
@@ -114,6 +149,10 @@ class Stack:
     def prepare_solver(self) -> None:
         """Tell the solver of the levels, and of their tasks' weights and inverses."""
         self.solver.prepare(self._members, self._jacobian_at)
+        for name, rows in self._rows.items():
+            task = self.tasks[name]
+            if isinstance(task, SetBasedTask):
+                task.acting = self.solver.acting[rows]
 
     def _jacobian_at(self, q: Vector) -> Matrix:
         """Stacked Jacobian (K, n) after the robot was moved to ``q`` (n,)."""
@@ -145,13 +184,24 @@ class Stack:
         self.solver.check(members, damping)
         return members
 
-    def systems(self) -> list[tuple[Matrix, Vector, Vector]]:
-        """Jacobian (k, n), requested and achieved velocity (k,) of every level; copies."""
+    def systems(self) -> list[System]:
+        """What every level was in the last step."""
+        counts = np.repeat(
+            [not task.one_sided for task, _ in self._parts], [task.k for task, _ in self._parts]
+        )
+        answered = self._J @ self._wish
         found = []
         for tasks in self._members:
             rows = self._level_rows(tasks)
-            system = self._J[rows].copy(), self._velocity[rows].copy(), self._achieved[rows].copy()
-            found.append(system)
+            found.append(
+                System(
+                    self._J[rows].copy(),
+                    counts[rows] | self.solver.acting[rows],
+                    self._velocity[rows].copy(),
+                    answered[rows],
+                    self._achieved[rows].copy(),
+                )
+            )
         return found
 
     def level_of(self, name: str) -> int:
@@ -192,14 +242,20 @@ class Stack:
                 for task, velocity in self._parts:
                     task.update()
                     task.desired_velocity(velocity)
-                limit = self.robot.limits.velocity
-                scale = self.solver.solve(self._J, self._velocity, limit, self._qd)
+                bounds = self.guard.bounds(self.robot.q)
+                scale = self.solver.solve(self._J, self._velocity, bounds, self._wish)
         except np.linalg.LinAlgError:
             self._refuse(q)
         if self._unaimed:
             self._unaimed, self._held = [], []
+        self._qd[:] = self._wish
+        self.guard.pass_on(self.robot.q, self._qd)
         np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
+
+    def rest(self) -> None:
+        """Go on from standstill: the last command was not carried out."""
+        self.guard.rest()
 
     def _refuse(self, q: Vector) -> NoReturn:
         self._qd[:] = 0.0

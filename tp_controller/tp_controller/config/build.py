@@ -162,7 +162,11 @@ def build_stack(robot: Robot, values: Flat) -> Stack:
         _objective(robot, values),
         values['solver.saturation'],
     )
-    return Stack(robot, tasks, values['hierarchy'], solver)
+    return Stack(robot, tasks, values['hierarchy'], solver, _period(values))
+
+
+def _period(values: Flat) -> float:
+    return math.inf if values['rate'] is None else 1.0 / values['rate']
 
 
 def _objective(robot: Robot, values: Flat) -> Objective | None:
@@ -182,7 +186,7 @@ def _task(name: str, robot: Robot, values: Flat) -> Task:
     prefix = f'tasks.{name}.'
     own = {key.removeprefix(prefix): values[key] for key in values if key.startswith(prefix)}
     try:
-        own['period'] = math.inf if values['rate'] is None else 1.0 / values['rate']
+        own['period'] = _period(values)
         task = TASK_TYPES[own['type']].from_parameters(name, robot, own)
         task.gain = own['gain']
         task.weight = own['weight']

@@ -49,6 +49,7 @@ def check_changes(
     }
     if given:
         limits = stack.robot.limits.replaced(**given)
+        stack.guard.check_limits(limits)
         steps.append(partial(setattr, stack.robot, 'limits', limits))
     _check_levels(stack, checked)
     # The damping first: the levels are checked again, with it, when they are set.

@@ -70,7 +70,7 @@ SHARED: Mapping[str, Parameter] = {
     ),
     'robot.limits.acceleration': Parameter(
         NUMBERS,
-        'Largest acceleration [rad/s², m/s²], one value or one per joint; not enforced yet',
+        'Largest acceleration [rad/s², m/s²], one value or one per joint; needs rate',
         above=0.0,
         runtime=True,
     ),
@@ -125,7 +125,8 @@ CONTROLLER: Mapping[str, Parameter] = {
     ),
     'rate': Parameter(
         NUMBER,
-        'Joint states per second [Hz], from which set-based tasks get safe distances',
+        'Joint states per second [Hz]; position and acceleration limits and set-based tasks '
+        'need it',
         above=0.0,
     ),
     'timeouts.joint_state': Parameter(

@@ -18,6 +18,10 @@ from tp_controller.robot.urdf import numbers, place_of
 
 Vector = NDArray[np.float64]
 
+LINK_RADIUS = 'robot.link_radius'
+CAPSULES = 'robot.capsules.'
+"""Beginning of the keys that give links capsules."""
+
 Bodies = Mapping[str, tuple[Shape, ...]]
 """The shapes of every link that has any, in the link's frame; from the base outwards."""
 
@@ -55,7 +59,7 @@ def robot_bodies(
     given = {}
     links = _links(robot)
     for link, values in (capsules or {}).items():
-        key = f'capsules.{link}'
+        key = f'{CAPSULES}{link}'
         if link not in links:
             raise InvalidValue(key, f'the link {shown(link)}', f'some of {listed(links)}')
         try:
@@ -91,10 +95,10 @@ def _along_links(robot: Robot, radius: Sequence[float]) -> dict[str, tuple[Shape
     if len(radius) not in (1, count):
         accepts = '1 value' if count == 1 else f'1 value or {count}, one per joint'
         raise InvalidValue(
-            'link_radius', f'{plural(len(radius), "value")} {shown(list(radius))}', accepts
+            LINK_RADIUS, f'{plural(len(radius), "value")} {shown(list(radius))}', accepts
         )
     if not all(0.0 < value < math.inf for value in radius):
-        raise InvalidValue('link_radius', shown(list(radius)), 'numbers above 0')
+        raise InvalidValue(LINK_RADIUS, shown(list(radius)), 'numbers above 0')
     bodies = {}
     for joint in range(1, model.njoints):
         carried = [
@@ -207,7 +211,7 @@ def _vertices(name: str, path: str) -> NDArray[np.float64]:
 
 def _unusable(name: str, got: str) -> InvalidValue:
     return InvalidValue(
-        f'capsules.{name}',
+        f'{CAPSULES}{name}',
         f'{NO_VALUE}, and in the URDF {got}',
-        f'{CAPSULE_WORDS}; or a link_radius for all links',
+        f'{CAPSULE_WORDS}; or {LINK_RADIUS} for all links',
     )

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import coal
 import numpy as np
 import pinocchio as pin
-from numba import float64, njit, types
+from numba import boolean, float64, njit, types
 from numpy.typing import NDArray
 
 from tp_controller.robot.bodies import Bodies, body_place
@@ -49,10 +49,10 @@ _COLUMN = float64[::1]
 _FIXED = types.Array(float64, 1, 'C', readonly=True)
 
 
-@njit([float64(_FIXED, _ROWS, _ROWS, _COLUMN, _COLUMN)], cache=True)
-def _lower_bounds(q, anchor, reach, known, lower):  # type: ignore[no-untyped-def]
-    """Fill lower bounds from distances known at other configurations; the least of them."""
-    least = np.inf
+@njit([boolean(_FIXED, _ROWS, _ROWS, _COLUMN, _COLUMN, _COLUMN)], cache=True)
+def _lower_bounds(q, anchor, reach, known, threshold, lower):  # type: ignore[no-untyped-def]
+    """Fill lower bounds from distances known at other configurations; whether any is near."""
+    near = False
     for i in range(len(known)):
         bound = known[i]
         for j in range(len(q)):
@@ -60,8 +60,8 @@ def _lower_bounds(q, anchor, reach, known, lower):  # type: ignore[no-untyped-de
             if way > 0.0:
                 bound -= reach[i, j] * way
         lower[i] = bound
-        least = min(least, bound)
-    return least
+        near |= bound < threshold[i]
+    return near
 
 
 class Clearance:
@@ -91,11 +91,11 @@ class Clearance:
     names
         Name of each row: a link, or two links ``a - b``.
     distance
-        Distance (k,) [m] of every row that is nearer than the threshold of the last
-        `update`, of the others a lower bound that is not below the threshold.
+        Distance (k,) [m] of every row that is nearer than its threshold, of the others a
+        lower bound that is not below the threshold; filled by `update`.
     slope
-        Derivative (k, n) of the distances that are nearer than that threshold, for the
-        others zero.
+        Derivative (k, n) of the distances that are nearer than their threshold, for the
+        others zero; filled by `update`.
     reach
         Bound (k, n) on the size of the derivative, at every configuration inside the limits.
     """
@@ -139,6 +139,17 @@ class Clearance:
         # of it, and the line [n; p × n] of the shortest way.
         self._known, self._lower = np.full(pairs, -math.inf), np.full(pairs, -math.inf)
         self._anchor, self._lines = np.zeros((pairs, n)), np.zeros((pairs, 6))
+        self.threshold = np.full(k, math.inf)
+
+    @property
+    def threshold(self) -> Vector:
+        """Distance (k,) [m] below which each row is computed, infinite at first; a copy."""
+        return self._threshold.copy()
+
+    @threshold.setter
+    def threshold(self, values: float | Vector) -> None:
+        self._threshold = np.array(np.broadcast_to(values, len(self.names)), dtype=float)
+        self._pair_threshold = self._threshold[self._row_of]
 
     @property
     def obstacle(self) -> Shape | None:
@@ -158,21 +169,22 @@ class Clearance:
         self._obstacle = self._obstacle._replace(pose=pin.SE3(pose))
         self._geometry.geometryObjects[self._geometry.ngeoms - 1].placement = self._obstacle.pose
 
-    def update(self, threshold: float) -> None:
-        """Fill `distance` and `slope` for the rows that are nearer than a threshold [m]."""
+    def update(self) -> None:
+        """Fill `distance` and `slope` at the robot's present configuration."""
         self.slope.fill(0.0)
-        if self._measure(threshold, self.distance):
-            rows = np.flatnonzero(self.distance < threshold)
+        if self._measure(self._pair_threshold, self.distance):
+            rows = np.flatnonzero(self.distance < self._threshold)
             if rows.size:
                 self._fill_slope(rows)
 
-    def distances(self, threshold: float = math.inf) -> Vector:
-        """Distances (k,) [m], of those that are not nearer than a threshold a lower bound.
+    def probe(self, out: Vector) -> None:
+        """Write what `update` would make of `distance` (k,) to ``out``, and nothing else."""
+        self._measure(self._pair_threshold, out)
 
-        Leaves `distance` and `slope` as they are.
-        """
+    def distances(self) -> Vector:
+        """Every distance (k,) [m], however far; leaves `distance` and `slope` as they are."""
         distance = np.empty(len(self.names))
-        self._measure(threshold, distance)
+        self._measure(np.full(len(self._known), math.inf), distance)
         return distance
 
     def nearest_points(self) -> Matrix:
@@ -186,11 +198,10 @@ class Clearance:
             ]
         )
 
-    def _measure(self, threshold: float, distance: Vector) -> bool:
-        """Fill distances; whether any of them may be below the threshold."""
+    def _measure(self, threshold: Vector, distance: Vector) -> bool:
+        """Fill distances (k,); whether any had to be computed."""
         q, lower = self.robot.q, self._lower
-        least = _lower_bounds(q, self._anchor, self._pair_reaches, self._known, lower)
-        near = least < threshold
+        near = _lower_bounds(q, self._anchor, self._pair_reaches, self._known, threshold, lower)
         if near:
             pin.updateGeometryPlacements(
                 self.robot.model, self.robot.data, self._geometry, self._results

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.robot.limits import Limits
 from tp_controller.robot.reach import Path, joint_path, path_speeds
+from tp_controller.robot.shapes import Shape
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -92,6 +93,8 @@ class Robot:
         self.base: Frame = Frame.standing(base_frame, self.n)
         """The base frame itself, which never moves."""
         self._lines = lines
+        self.bodies: Mapping[str, tuple[Shape, ...]] = {}
+        """The shapes of links, by `robot_bodies`; none until they are set."""
         self.update(self._q)
 
     @property
@@ -185,14 +188,25 @@ class Robot:
 
     def update(self, q: Vector) -> None:
         """Move every frame to configuration ``q`` (n,) [rad, m]."""
-        self._q[:] = q
-        if self.coupling is not None:
-            np.dot(self.coupling.S, self._q, out=self._q_model)
-            self._q_model += self.coupling.offset
+        self._take(q)
         pin.computeJointJacobians(self._model, self._data, self._q_model)
         pin.updateFramePlacements(self._model, self._data)
         for frame in self._frames.values():
             frame.moved()
+
+    def place(self, q: Vector) -> None:
+        """Move every frame to ``q`` (n,) [rad, m], positions only.
+
+        Quicker than `update`, which has to follow before anything else is asked for.
+        """
+        self._take(q)
+        pin.framesForwardKinematics(self._model, self._data, self._q_model)
+
+    def _take(self, q: Vector) -> None:
+        self._q[:] = q
+        if self.coupling is not None:
+            np.dot(self.coupling.S, self._q, out=self._q_model)
+            self._q_model += self.coupling.offset
 
 
 def _products(S: Matrix, bounds: Vector) -> Matrix:

@@ -64,8 +64,6 @@ class ControllerNode(RobotNode):
         describe_parameters(self, self._schema, values)
         self._stack = self._settings.stack
         robot = self._stack.robot
-        if values['robot.limits.acceleration'] is not None:
-            self.get_logger().warning('robot.limits.acceleration: not enforced yet')
 
         self._q = np.zeros(robot.n)
         self._joint_states = JointStateReader(robot.joints)
@@ -190,6 +188,7 @@ class ControllerNode(RobotNode):
 
     def _publish_zero(self) -> None:
         self._velocity[:] = 0.0
+        self._stack.rest()
         if self._stamped:
             # It answers no joint state; an old stamp could make a driver drop it.
             self._command.header.stamp = self.get_clock().now().to_msg()

@@ -92,6 +92,7 @@ class StateMessage:
         self._explained = now
         self.msg.levels_stamp = stamp
         self.msg.levels = [_level_message(level) for level in explain(self._stack)]
+        self.msg.active_limits = self._stack.guard.active_limits(self._command)
 
     def refresh_target(self, name: str, located: bool) -> None:
         """Fill in one task's new target; its error too once the robot is `located`."""
@@ -113,6 +114,7 @@ def _level_message(level: Explanation) -> LevelState:
         lost_to_singularity=level.lost_to_singularity,
         lost_to_damping=level.lost_to_damping,
         lost_to_saturation=level.lost_to_saturation,
+        lost_to_guard=level.lost_to_guard,
         text=level.text,
     )
 

@@ -1,9 +1,10 @@
 """Ways to resolve a hierarchy of task velocities into joint velocities."""
 
 from tp_controller.solvers.augmented import AugmentedSolver
-from tp_controller.solvers.base import SATURATIONS, Levels, Rows, Solver
+from tp_controller.solvers.base import SATURATIONS, Solver
 from tp_controller.solvers.extended_jacobian import ExtendedJacobianSolver
 from tp_controller.solvers.inverses import DEFAULT, INVERSES, Inverse
+from tp_controller.solvers.problem import Bounds, Levels, Rows
 from tp_controller.solvers.projected_gradient import ProjectedGradientSolver
 from tp_controller.solvers.recursive import RecursiveSolver
 from tp_controller.solvers.weighted import WeightedSolver
@@ -26,6 +27,7 @@ __all__ = [
     'SATURATIONS',
     'SOLVER_TYPES',
     'AugmentedSolver',
+    'Bounds',
     'ExtendedJacobianSolver',
     'Inverse',
     'Levels',

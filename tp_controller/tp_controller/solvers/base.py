@@ -5,14 +5,15 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Callable, Sequence
 from itertools import chain
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.objectives import Objective
-from tp_controller.solvers.inverses import DEFAULT, Inverse
+from tp_controller.solvers.inverses import DEFAULT, ONE_SIDED, Inverse
+from tp_controller.solvers.problem import Bounds, Levels, Rows
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -22,23 +23,8 @@ SATURATIONS = ('uniform', 'null_space')
 RANK_TOLERANCE = 1e-8
 """Singular values below this share of ‖J‖ (Frobenius) do not count towards the rank."""
 
-
-class Rows(Protocol):
-    """What a solver needs to know of a task."""
-
-    name: str
-    k: int
-    """Number of its rows."""
-    inverse: Inverse
-    """How it is inverted, where that differs from the solver's way."""
-    weight: float
-    """Its share in a weighted sum."""
-    set_based: ClassVar[bool]
-    """Whether its rows come and go."""
-
-
-Levels = Sequence[Sequence[Rows]]
-"""Tasks by level, highest first."""
+BROKEN = 1e-9
+"""A least rate that is missed by less than this, per length of its row, is not broken."""
 
 
 class Solver(ABC):
@@ -90,6 +76,7 @@ class Solver(ABC):
         self._tolerance = RANK_TOLERANCE * float(np.linalg.norm(self._basis, 2))
         self._groups: Levels = ()
         self._endless = np.full(n, np.inf)
+        self._endless_down = -self._endless
         if saturation not in SATURATIONS:
             accepts = f'one of {listed(SATURATIONS)}'
             raise InvalidValue('solver.saturation', shown(saturation), accepts)
@@ -149,12 +136,14 @@ class Solver(ABC):
         """
         shared = self._inverse if damping is None else self._inverse._replace(damping=damping)
         for group in self.arrange(levels):
-            for task in group[1:]:
-                if task.inverse.over(shared).rule != group[0].inverse.over(shared).rule:
+            leading = _leading(group)
+            for task in group:
+                own = task.inverse != Inverse() or not task.one_sided
+                if own and task.inverse.over(shared).rule != leading.inverse.over(shared).rule:
                     raise InvalidValue(
                         'hierarchy',
                         f'{task.name} with another inverse, damping or singular_region than '
-                        f'{group[0].name}',
+                        f'{leading.name}',
                         f'the same for both: solver.type {self.type} inverts them together',
                     )
 
@@ -182,29 +171,46 @@ class Solver(ABC):
         self._starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         self.k = int(self._starts[-1])
         self._work = kernel.workspace(self.k + self.n, self.n)
+        # A scheme may add rows of its own, up to n.
+        self._acts = np.ones(self.k + self.n, dtype=np.bool_)
+        tasks = [task for group in self._groups for task in group]
+        sides = [np.full(task.k, task.one_sided) for task in tasks]
+        self._bounded = np.flatnonzero(np.concatenate([*sides, np.zeros(0, dtype=bool)]))
+        self.acting: NDArray[np.bool_] = np.zeros(self.k, dtype=np.bool_)
         # One more than groups: a scheme may add a level of its own.
         self._shares = np.ones(len(self._groups) + 1)
         self._set_rules()
 
     def _set_rules(self) -> None:
-        rules = [group[0].inverse.over(self._inverse).rule for group in self._groups]
+        rules = [self._rule(group) for group in self._groups]
         self._rules = np.array(rules, dtype=float).reshape(-1, 2)
+
+    def _rule(self, group: Sequence[Rows]) -> tuple[float, float]:
+        task = _leading(group)
+        return task.inverse.over(ONE_SIDED if task.one_sided else self._inverse).rule
+
+    @property
+    def rules(self) -> Matrix:
+        """λ and ε of every group (groups, 2), see `Inverse.rule`; a copy."""
+        return self._rules[: len(self._groups)].copy()
 
     def arrange(self, levels: Levels) -> Levels:
         """Groups of tasks that are inverted together; all of them unless overridden."""
         return [list(chain.from_iterable(levels))] if levels else []
 
-    def solve(self, J: Matrix, velocity: Vector, limit: Vector, qd: Vector) -> float:
+    def solve(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
         """Write the joint velocity (n,) that answers the levels to ``qd``.
+
+        Which rows of one-sided tasks decide on it is then in ``acting`` (K,).
 
         Parameters
         ----------
         J
-            Task Jacobians of all levels (K, n), highest first.
+            Task Jacobians of all levels (K, n), highest first; rows of zeros ask for nothing.
         velocity
-            Desired task velocities (K,).
-        limit
-            Largest speed of every joint (n,) [rad/s, m/s]; infinite if there is none.
+            Desired task velocities (K,), of one-sided tasks the least ones.
+        bounds
+            Between what the joints may move.
 
         Returns
         -------
@@ -217,18 +223,67 @@ class Solver(ABC):
         numpy.linalg.LinAlgError
             If a Jacobian is not finite or leaves the range of floats.
         """
-        return self._resolve(J, velocity, limit, qd)
+        return self._resolve(J, velocity, bounds, qd)
 
-    def _resolve(self, J: Matrix, velocity: Vector, limit: Vector, qd: Vector) -> float:
-        within = limit if self.holds_joints else self._endless
+    def _resolve(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
+        """Resolve with the rows of one-sided tasks that are needed, and no others.
+
+        Each of them is first left out; the one that the answer breaks most comes in as a row
+        like any other, until none is broken. Then each that the later ones have made needless
+        goes out again. An answer that just meets a bound is the same with its row and without
+        it, so the command changes without a step when a row comes in.
+        """
+        acts, rows = self._acts, self._bounded
+        acts[rows] = False
+        scale = self._answer(J, velocity, bounds, qd)
+        near = rows[J[rows].any(axis=1)] if rows.size else rows
+        if near.size:
+            scale = self._bring_in(near, J, velocity, bounds, qd, scale)
+        self.acting[:] = False
+        self.acting[near] = acts[near]
+        return scale
+
+    def _bring_in(
+        self,
+        near: NDArray[np.int64],
+        J: Matrix,
+        velocity: Vector,
+        bounds: Bounds,
+        qd: Vector,
+        scale: float,
+    ) -> float:
+        acts, slopes, least = self._acts, J[near], velocity[near]
+        lengths = np.sqrt(np.einsum('ij,ij->i', slopes, slopes))
+        came: list[int] = []
+        while len(came) < near.size:
+            broken = (least - slopes @ qd) / lengths
+            broken[acts[near]] = -np.inf
+            worst = int(broken.argmax())
+            if not broken[worst] > BROKEN:
+                break
+            came.append(int(near[worst]))
+            acts[came[-1]] = True
+            scale = self._answer(J, velocity, bounds, qd)
+        # The last one that came is needed; each of the others is tried without.
+        for row in came[:-1]:
+            acts[row] = False
+            scale = self._answer(J, velocity, bounds, qd)
+            if np.any((slopes @ qd < least - BROKEN * lengths) & ~acts[near]):
+                acts[row] = True
+                scale = self._answer(J, velocity, bounds, qd)
+        return scale
+
+    def _answer(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
         finite = self._kernel.resolve(
             J,
             velocity,
+            self._acts,
             self._starts,
             self._rules,
             self._basis,
             self._tolerance,
-            within,
+            bounds.lower if self.holds_joints else self._endless_down,
+            bounds.upper if self.holds_joints else self._endless,
             self._work,
             self._shares,
             qd,
@@ -237,9 +292,14 @@ class Solver(ABC):
             raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
         if self.holds_joints:
             return float(self._shares.min())
-        scale: float = self._kernel.shorten(qd, limit)
+        scale: float = self._kernel.shorten(qd, bounds.speed)
         self._shares[:] = scale
         return scale
+
+
+def _leading(group: Sequence[Rows]) -> Rows:
+    """Task whose inverse is that of all: the first that always acts, if there is one."""
+    return next((task for task in group if not task.one_sided), group[0])
 
 
 def _basis(n: int, joint_weights: Sequence[float] | None) -> Matrix:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue
-from tp_controller.solvers.base import RANK_TOLERANCE, Levels, Solver
+from tp_controller.solvers.base import RANK_TOLERANCE, Solver
+from tp_controller.solvers.problem import Bounds, Levels
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -71,10 +72,10 @@ class ExtendedJacobianSolver(Solver):
         if self.objective is not None and len(self._starts) > 1:
             self._starts[-1] = self.n
 
-    def solve(self, J: Matrix, velocity: Vector, limit: Vector, qd: Vector) -> float:
+    def solve(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
         """Write the joint velocity (n,) to ``qd``; see `Solver.solve`."""
         if self.objective is None:
-            return self._resolve(J, velocity, limit, qd)
+            return self._resolve(J, velocity, bounds, qd)
         k = self.k
         self._J[:k], self._velocity[:k] = J, velocity
         self.objective.gradient(self._gradient)
@@ -85,7 +86,7 @@ class ExtendedJacobianSolver(Solver):
         self._differentiate(mu)
         np.dot(Z, self._slope, out=self._J[k:])
         self._velocity[k:] = -self.objective.gain * (Z @ self._gradient)
-        return self._resolve(self._J, self._velocity, limit, qd)
+        return self._resolve(self._J, self._velocity, bounds, qd)
 
     def _differentiate(self, mu: Vector) -> None:
         """Fill the slope ∂(∇H - Jᵀ μ)/∂q (n, n) at the present configuration."""

@@ -75,3 +75,6 @@ class Inverse(NamedTuple):
 
 DEFAULT = Inverse('dls', 0.1, 0.1)
 """What stands for everything that is left open."""
+
+ONE_SIDED = Inverse('adaptive', 0.05, 0.05)
+"""The same for levels of nothing but bounds: they are kept exactly where joints can keep them."""

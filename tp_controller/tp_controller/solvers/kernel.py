@@ -1,4 +1,4 @@
-"""The recursion over levels inside velocity limits, compiled by numba: no allocation.
+"""The recursion over levels inside velocity bounds, compiled by numba: no allocation.
 
 Everything here works in arrays that the caller made. Bases and singular vectors are kept as
 rows, so that every inner loop runs over neighbouring numbers. Importing this module compiles
@@ -113,8 +113,8 @@ def _reflect(x, normal, first, m):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _gather(J, velocity, first, k, qd, order, residual):  # type: ignore[no-untyped-def]
-    """List a level's rows that joints can move, and what is left of their velocities.
+def _gather(J, velocity, acts, first, k, qd, order, residual):  # type: ignore[no-untyped-def]
+    """List a level's rows that act and joints can move, and what is left of their velocities.
 
     A row of zeros asks for nothing, and without it not even the order of sums changes. A
     level of nothing but rounding would ask for speeds without bound.
@@ -127,6 +127,8 @@ def _gather(J, velocity, first, k, qd, order, residual):  # type: ignore[no-unty
     square = 0.0
     filled = 0
     for i in range(first, first + k):
+        if not acts[i]:
+            continue
         gap, length = velocity[i], 0.0
         for c in range(qd.size):
             length += J[i, c] * J[i, c]
@@ -207,8 +209,8 @@ def _invert(J, order, k, N, m, rule, smallest, sides, answers, count, B, W):  # 
 
 
 @njit(cache=True)
-def _interval(start, way, limit, held):  # type: ignore[no-untyped-def]
-    """Shares s for which ``start + s way`` (n,) is inside the limits; held joints do not count.
+def _interval(start, way, lower, upper, held):  # type: ignore[no-untyped-def]
+    """Shares s for which ``start + s way`` (n,) is inside the bounds; held joints do not count.
 
     Returns
     -------
@@ -219,8 +221,8 @@ def _interval(start, way, limit, held):  # type: ignore[no-untyped-def]
     for c in range(start.size):
         if held[c] != 0.0 or way[c] == 0.0:
             continue
-        ahead = (math.copysign(limit[c], way[c]) - start[c]) / way[c]
-        behind = (math.copysign(limit[c], -way[c]) - start[c]) / way[c]
+        ahead = ((upper[c] if way[c] > 0.0 else lower[c]) - start[c]) / way[c]
+        behind = ((lower[c] if way[c] > 0.0 else upper[c]) - start[c]) / way[c]
         low = max(low, behind)
         if ahead < high:
             high, critical = ahead, c
@@ -231,10 +233,12 @@ def _interval(start, way, limit, held):  # type: ignore[no-untyped-def]
     boolean(
         ROWS,
         COLUMN,
+        boolean[::1],
         int64[::1],
         ROWS,
         ROWS,
         float64,
+        FIXED,
         FIXED,
         float64[:, :, ::1],
         COLUMN,
@@ -242,11 +246,11 @@ def _interval(start, way, limit, held):  # type: ignore[no-untyped-def]
     ),
     cache=True,
 )
-def resolve(J, velocity, starts, rules, basis, tolerance, limit, work, shares, qd):  # type: ignore[no-untyped-def]
-    """Resolve levels one after the other so that no joint ever exceeds its limit.
+def resolve(J, velocity, acts, starts, rules, basis, tolerance, lower, upper, work, shares, qd):  # type: ignore[no-untyped-def]
+    """Resolve levels one after the other so that no joint ever leaves its bounds.
 
-    Each level starts from the velocity of those above it, which is inside the limits, and
-    may use what they leave. Where its step leads out, the joint that meets its limit first
+    Each level starts from the velocity of those above it, which is inside the bounds, and
+    may use what they leave. Where its step leads out, the joint that meets its bound first
     is held there and the others make up for it; this goes on until the level has what it
     asks for, or the joints that are left cannot move all of it. Then it gets the largest
     share that was found (Flacco, De Luca and Khatib 2015). Levels above are never touched.
@@ -257,6 +261,8 @@ def resolve(J, velocity, starts, rules, basis, tolerance, limit, work, shares, q
         Rows of all levels (K, n), highest first.
     velocity
         Desired task velocity (K,).
+    acts
+        Which of the rows count (K,).
     starts
         First row of every level, then K (levels + 1,).
     rules
@@ -265,8 +271,9 @@ def resolve(J, velocity, starts, rules, basis, tolerance, limit, work, shares, q
         Rows (n, n) that span the joint velocities, orthonormal in the metric to minimise.
     tolerance
         Singular values below this times ‖J‖ (Frobenius) count for nothing.
-    limit
-        Largest speed of every joint (n,); infinite if there is none.
+    lower, upper
+        Least and largest velocity of every joint (n,), at most and at least zero; infinite
+        if there is none.
     work
         Space to work in, see `workspace`.
     shares
@@ -290,7 +297,7 @@ def resolve(J, velocity, starts, rules, basis, tolerance, limit, work, shares, q
     m = n
     for level in range(starts.size - 1):
         first, k = starts[level], starts[level + 1] - starts[level]
-        k, square = _gather(J, velocity, first, k, qd, order, sides[0])
+        k, square = _gather(J, velocity, acts, first, k, qd, order, sides[0])
         if not square < math.inf:
             return False
         smallest = tolerance * math.sqrt(square)
@@ -303,7 +310,7 @@ def resolve(J, velocity, starts, rules, basis, tolerance, limit, work, shares, q
             for j in range(m):
                 Z[j, c] = N[j, c]
                 way[c] += answers[0, j] * N[j, c]
-            # Comparisons with limits would say nothing about what is not finite.
+            # Comparisons with bounds would say nothing about what is not finite.
             if not math.isfinite(way[c]):
                 return False
         freedom = m
@@ -312,7 +319,7 @@ def resolve(J, velocity, starts, rules, basis, tolerance, limit, work, shares, q
         m -= full
         share = -1.0
         while True:
-            low, high, critical = _interval(start, way, limit, held)
+            low, high, critical = _interval(start, way, lower, upper, held)
             reached = min(1.0, high)
             if max(low, 0.0) <= reached and reached > share:
                 share = reached
@@ -325,8 +332,8 @@ def resolve(J, velocity, starts, rules, basis, tolerance, limit, work, shares, q
                 length += Z[j, critical] * Z[j, critical]
             if freedom == 1 or length < SHORT * SHORT:
                 break
-            # Hold the joint at its limit, by the shortest change of what is free.
-            gap = math.copysign(limit[critical], way[critical]) - base[critical]
+            # Hold the joint at its bound, by the shortest change of what is free.
+            gap = (upper if way[critical] > 0.0 else lower)[critical] - base[critical]
             for c in range(n):
                 change = 0.0
                 for j in range(freedom):
@@ -359,7 +366,7 @@ def resolve(J, velocity, starts, rules, basis, tolerance, limit, work, shares, q
         if share >= 0.0:
             for c in range(n):
                 # Rounding may leave a component one unit in the last place outside.
-                qd[c] = min(max(best[c], -limit[c]), limit[c])
+                qd[c] = min(max(best[c], lower[c]), upper[c])
         if m == 0:
             break
     finite = True

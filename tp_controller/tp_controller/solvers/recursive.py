@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from tp_controller.solvers.base import Levels, Solver
+from tp_controller.solvers.base import Solver
+from tp_controller.solvers.problem import Levels
 
 
 class RecursiveSolver(Solver):

@@ -11,7 +11,7 @@ from tp_controller.tasks.orientation import OrientationTask
 from tp_controller.tasks.pose import PoseTask
 from tp_controller.tasks.position import PositionTask
 from tp_controller.tasks.posture import PostureTask
-from tp_controller.tasks.set_based import SetBasedTask
+from tp_controller.tasks.set_based import SetBasedTask, Switching
 
 TASK_TYPES: dict[str, type[Task]] = {
     task.type: task
@@ -43,5 +43,6 @@ __all__ = [
     'PositionTask',
     'PostureTask',
     'SetBasedTask',
+    'Switching',
     'Task',
 ]

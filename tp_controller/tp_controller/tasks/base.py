@@ -82,6 +82,8 @@ class Task(ABC):
     """What the values of a target are, for messages."""
     set_based: ClassVar[bool] = False
     """Whether the rows come and go."""
+    one_sided: bool = False
+    """Whether the desired velocity is the least one allowed."""
     without: ClassVar[tuple[str, ...]] = ()
     """Common parameters that the kind has no use for."""
 

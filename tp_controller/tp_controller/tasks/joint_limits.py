@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.parameters import NUMBERS, TEXTS, Parameter
 from tp_controller.robot import Robot
-from tp_controller.tasks.set_based import THRESHOLDS, SetBasedTask
+from tp_controller.tasks.set_based import THRESHOLDS, SetBasedTask, Switching
 
 Vector = NDArray[np.float64]
 
@@ -33,8 +33,8 @@ class JointLimitsTask(SetBasedTask):
         end may be infinite.
     period
         Time [s] of one step; infinite if unknown.
-    activation, release
-        The two thresholds [rad, m].
+    switching
+        How the rows come in and go out.
 
     Raises
     ------
@@ -56,6 +56,7 @@ class JointLimitsTask(SetBasedTask):
     }
     without = ('target',)
     target_words = ''
+    bends = False
 
     def __init__(
         self,
@@ -65,8 +66,7 @@ class JointLimitsTask(SetBasedTask):
         lower: Sequence[float] | None = None,
         upper: Sequence[float] | None = None,
         period: float = math.inf,
-        activation: float | None = None,
-        release: float | None = None,
+        switching: Switching = Switching(),  # noqa: B008 - a value
     ) -> None:
         names = robot.joints if joints is None else tuple(joints)
         indices = np.array(robot.joint_indices(names))
@@ -82,8 +82,8 @@ class JointLimitsTask(SetBasedTask):
             raise InvalidValue(
                 'min', 'no value', 'min or max, or robot.limits.position_min or position_max'
             )
-        travel = robot.limits.velocity[indices] * period
-        super().__init__(name, robot, names, travel, activation, release)
+        reach = np.eye(robot.n)[indices]
+        super().__init__(name, robot, names, reach, period, switching)
         self._indices = indices
 
     @classmethod
@@ -98,8 +98,7 @@ class JointLimitsTask(SetBasedTask):
             values['min'],
             values['max'],
             values['period'],
-            values['activation'],
-            values['release'],
+            Switching.of(values),
         )
 
     @property
@@ -118,6 +117,11 @@ class JointLimitsTask(SetBasedTask):
         below = q - self._lower < self._upper - q
         self.distance[:] = np.where(below, q - self._lower, self._upper - q)
         self._slope[np.arange(self.k), self._indices] = np.where(below, 1.0, -1.0)
+
+    def probe(self, out: Vector) -> None:
+        """Write the distances (k,) at the robot's present configuration to ``out``."""
+        q = self.robot.q[self._indices]
+        np.minimum(q - self._lower, self._upper - q, out=out)
 
 
 def _ends(key: str, values: Sequence[float] | None, otherwise: Vector) -> Vector:

@@ -13,7 +13,7 @@ from tp_controller.errors import InvalidValue, shown
 from tp_controller.parameters import NUMBER, NUMBERS, REQUIRED, TEXT, Parameter
 from tp_controller.robot import Robot
 from tp_controller.tasks.frame import FRAME, LABELS, axis_rows
-from tp_controller.tasks.set_based import THRESHOLDS, SetBasedTask
+from tp_controller.tasks.set_based import THRESHOLDS, SetBasedTask, Switching
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -41,8 +41,8 @@ class ObstacleTask(SetBasedTask):
         Letters of the base axes that count: xyz for a sphere, xy for a cylinder along z.
     period
         Time [s] of one step; infinite if unknown.
-    activation, release
-        The two thresholds [m].
+    switching
+        How the row comes in and goes out.
 
     Raises
     ------
@@ -75,19 +75,14 @@ class ObstacleTask(SetBasedTask):
         radius: float,
         axes: str = 'xyz',
         period: float = math.inf,
-        activation: float | None = None,
-        release: float | None = None,
+        switching: Switching = Switching(),  # noqa: B008 - a value
     ) -> None:
         self.frame, self.reference = robot.frame(frame), robot.base
         self.rows = np.array(axis_rows('axes', axes))
         if not 0.0 < radius < math.inf:
             raise InvalidValue('radius', shown(radius), 'a number above 0')
         self.radius = radius
-        reach = robot.reach(frame)
-        # A joint that cannot move the frame does not count, however fast it is.
-        moves = reach > 0.0
-        travel = float(reach[moves] @ robot.limits.velocity[moves]) * period
-        super().__init__(name, robot, ['distance'], np.array([travel]), activation, release)
+        super().__init__(name, robot, ['distance'], robot.reach(frame)[None], period, switching)
         try:
             self.target = center
         except InvalidValue as error:
@@ -104,8 +99,7 @@ class ObstacleTask(SetBasedTask):
             values['radius'],
             values['axes'],
             values['period'],
-            values['activation'],
-            values['release'],
+            Switching.of(values),
         )
 
     @property
@@ -140,3 +134,8 @@ class ObstacleTask(SetBasedTask):
         outward = way / length if length > 0.0 else np.eye(len(self.rows))[0]
         self.distance[0] = length - self.radius
         np.dot(outward, self.frame.jacobian[self.rows], out=self._slope[0])
+
+    def probe(self, out: Vector) -> None:
+        """Write the distance from the surface at the robot's present configuration to ``out``."""
+        way = self.frame.position[self.rows] - self._target
+        out[0] = math.sqrt(way @ way) - self.radius

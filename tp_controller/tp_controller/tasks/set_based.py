@@ -5,41 +5,95 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import NO_VALUE, InvalidValue, shown
-from tp_controller.parameters import NUMBER, Parameter
+from tp_controller.errors import NO_VALUE, InvalidValue, listed, shown
+from tp_controller.parameters import NUMBER, TEXT, Parameter
 from tp_controller.robot import Robot
 from tp_controller.tasks.base import Task
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
+SMOOTH, HYSTERESIS = SWITCHINGS = ('smooth', 'hysteresis')
+
 THRESHOLDS: Mapping[str, Parameter] = {
+    'switching': Parameter(
+        TEXT,
+        'How rows come in: as a bound on the speed of approach, without a step in the command, '
+        'or with hysteresis',
+        default=SMOOTH,
+        choices=SWITCHINGS,
+    ),
     'activation': Parameter(
         NUMBER,
-        'Distance [m or rad] from the boundary at which the task comes in; left out, what '
-        'one step can travel and a quarter more, by rate and robot.limits.velocity',
+        'Distance [m or rad] from the boundary at which the task comes in; left out, a safe one '
+        'by rate and robot.limits',
         above=0.0,
     ),
     'release': Parameter(
         NUMBER,
-        'Distance [m or rad] at which it goes out again; one and a half times activation when '
-        'left out',
+        'Distance [m or rad] at which it goes out again, with hysteresis only; one and a half '
+        'times activation when left out',
+        above=0.0,
+    ),
+    'margin': Parameter(
+        NUMBER,
+        'Distance [m or rad] that is kept, with smooth switching only; left out, what the bend '
+        'of the way can take in one step',
         above=0.0,
     ),
 }
 
+MARGIN = 1e-4
+"""Least margin [m, rad] that is taken when none is given."""
+STEPS = 4.0
+"""With smooth switching the speed of approach falls with this time constant [steps] or more."""
+
+
+class Switching(NamedTuple):
+    """How the rows of a set-based task come in and go out."""
+
+    type: str = SMOOTH
+    """``smooth`` or ``hysteresis``."""
+    activation: float | None = None
+    """Distance [m, rad] from the boundary at which they come in; a safe one when left out."""
+    release: float | None = None
+    """With hysteresis, the distance at which they go out; 1.5 times the activation when left
+    out."""
+    margin: float | None = None
+    """With smooth switching, the distance that is kept; what the bend of the way can take in
+    one step when left out."""
+
+    @classmethod
+    def of(cls, values: Mapping[str, Any]) -> Switching:
+        """Switching of a task's checked values."""
+        return cls(*(values[key] for key in THRESHOLDS))
+
 
 class SetBasedTask(Task):
-    """Keeps distances positive (Moe, Antonelli, Teel, Pettersen and Schrimpf 2016).
+    """Keeps distances positive.
 
-    A row comes in when its distance falls to ``activation`` and goes out when it has grown
-    to ``release``. In between it asks for the rate ``K (2 release - activation - distance)``
-    of the distance: away from the boundary, and beyond the release. A row that is out has a
-    zero Jacobian and takes no freedom from the levels below.
+    With ``smooth`` switching a row is a bound on the rate of its distance d, a velocity damper
+    (Faverjon and Tournassoud 1987)::
+
+        rate >= -(d - margin) / τ       outside the margin
+        rate >= K (margin - d)          inside it
+
+    with ``τ = (activation - margin) / v``, where v is the fastest that the distance can change
+    at all: at the activation the bound holds by itself, so a row comes in and goes out without
+    a step. What it does to the command grows from zero, as with the activation functions of
+    Simetti and Casalino (2016), and only where the rest of the hierarchy would break it.
+
+    With ``hysteresis`` (Moe, Antonelli, Teel, Pettersen and Schrimpf 2016) a row comes in when
+    its distance falls to ``activation`` and goes out when it has grown to ``release``. In
+    between it asks for the rate ``K (2 release - activation - d)``: away from the boundary,
+    and beyond the release.
+
+    A row that is out has a zero Jacobian and takes no freedom from the levels below.
 
     Parameters
     ----------
@@ -49,16 +103,19 @@ class SetBasedTask(Task):
         The robot that carries the task out.
     components
         Name of each of the k rows.
-    travel
-        What the distance can change by in one step (k,) [m, rad]; infinite if unknown.
-    activation, release
-        The two thresholds [m, rad]; safe ones when left out.
+    reach
+        Bound (k, n) on the derivative of the distances by the joints, at any configuration.
+    period
+        Time [s] of one step; infinite if unknown.
+    switching
+        How the rows come in and go out.
 
     Raises
     ------
     InvalidValue
-        If the release is not farther than the activation, or there is no activation and no
-        travel to find a safe one from.
+        If the release is not farther than the activation or the activation not farther than
+        the margin, a threshold belongs to the other kind of switching, or what a safe
+        threshold follows from is missing.
 
     Attributes
     ----------
@@ -66,24 +123,77 @@ class SetBasedTask(Task):
         Distance from the boundary (k,), negative beyond it; filled by `update`.
     on
         Whether each row is in (k,).
+    acting
+        With smooth switching, whether each row's bound decides on the command (k,); filled
+        by the solver.
     """
 
     set_based = True
+    bends: ClassVar[bool] = True
+    """Whether the distance is a curved function of the joints."""
 
     def __init__(
         self,
         name: str,
         robot: Robot,
         components: Sequence[str],
-        travel: Vector,
-        activation: float | None = None,
-        release: float | None = None,
+        reach: Matrix,
+        period: float = math.inf,
+        switching: Switching = Switching(),  # noqa: B008 - a value
     ) -> None:
         super().__init__(name, robot, components)
         self.distance: Vector = np.full(self.k, math.nan)
         self.on: NDArray[np.bool_] = np.zeros(self.k, dtype=bool)
+        self.acting = self.on.copy()
+        self.reach = reach
         self._slope: Matrix = np.zeros((self.k, robot.n))
-        self._travel = float(travel.max())
+        moves = reach > 0.0
+        velocity = robot.limits.velocity
+        # A joint that does not move a row does not count, however fast it is.
+        speed = np.where(moves, reach * np.where(moves, velocity, 0.0), 0.0).sum(axis=1)
+        fastest = float(speed.max())
+        self._travel = fastest * period
+        if switching.type not in SWITCHINGS:
+            accepts = f'one of {listed(SWITCHINGS)}'
+            raise InvalidValue('switching', shown(switching.type), accepts)
+        self.one_sided = switching.type == SMOOTH
+        if not self.one_sided:
+            self._take_thresholds(switching)
+            return
+        if switching.release is not None:
+            raise InvalidValue(
+                'release', shown(switching.release), 'no value, or switching hysteresis'
+            )
+        if not math.isfinite(self._travel):
+            raise InvalidValue(
+                'activation',
+                'smooth switching without rate or robot.limits.velocity',
+                'both of them, or switching hysteresis with an activation',
+            )
+        margin = switching.margin
+        if margin is None:
+            # The second derivative by joints i and j is no larger than the reach of either.
+            turning = float(velocity[moves.any(axis=0)].sum()) * period
+            margin = MARGIN + (0.5 * self._travel * turning if self.bends else 0.0)
+        self._needed = margin + fastest * max(STEPS * period, self._braking_time())
+        if not margin > 0.0:
+            raise InvalidValue('margin', shown(margin), 'a number above 0')
+        # Rows that no joint can move never come in; their thresholds only have to make sense.
+        safe = max(self._needed, 2.0 * margin)
+        activation = safe if switching.activation is None else switching.activation
+        if not activation > margin:
+            raise InvalidValue(
+                'activation', shown(activation), f'more than the margin, {margin:g}'
+            )
+        self.activation, self.release, self.margin = activation, activation, margin
+        self._time = (activation - margin) / fastest if fastest > 0.0 else 1.0
+        self._edge = margin + speed * self._time
+        self._ahead = np.zeros(self.k)
+
+    def _take_thresholds(self, switching: Switching) -> None:
+        if switching.margin is not None:
+            raise InvalidValue('margin', shown(switching.margin), 'no value, or switching smooth')
+        activation, release = switching.activation, switching.release
         if activation is None:
             if not math.isfinite(self._travel):
                 raise InvalidValue(
@@ -100,14 +210,27 @@ class SetBasedTask(Task):
             raise InvalidValue(
                 'release', shown(release), f'more than the activation, {activation:g}'
             )
-        self.activation, self.release = activation, release
+        self.activation, self.release, self.margin = activation, release, 0.0
+        self._needed = self._travel if math.isfinite(self._travel) else 0.0
         self._beyond = 2.0 * release - activation
+
+    def _braking_time(self) -> float:
+        """Longest time [s] that a joint which moves a row needs to stop."""
+        limits = self.robot.limits
+        moves = (self.reach > 0.0).any(axis=0) & np.isfinite(limits.acceleration)
+        return float(np.max(limits.velocity[moves] / limits.acceleration[moves], initial=0.0))
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a user should know of the settings."""
-        if not math.isfinite(self._travel) or self.activation >= self._travel:
+        # Thresholds that were left out are exactly what is needed.
+        if self.activation >= self._needed * (1.0 - 1e-9):
             return ()
+        if self.one_sided:
+            return (
+                f'tasks.{self.name}.activation: {self.activation:g} is less than it takes to '
+                f'brake from full speed, {self._needed:.3g}: the arm may be stopped abruptly',
+            )
         return (
             f'tasks.{self.name}.activation: {self.activation:g} is less than one step can '
             f'travel, {self._travel:.3g}: the boundary may be crossed',
@@ -115,12 +238,12 @@ class SetBasedTask(Task):
 
     @property
     def active(self) -> bool:
-        """Whether any row is in."""
-        return bool(self.on.any())
+        """Whether any row acts."""
+        return bool((self.acting if self.one_sided else self.on).any())
 
     def place(self, J: Matrix) -> None:
         """Keep the Jacobian in a given array (k, n) from now on, with every row out."""
-        self.on[:] = False
+        self.on[:] = self.acting[:] = False
         self.J[:] = 0.0
         super().place(J)
 
@@ -128,15 +251,36 @@ class SetBasedTask(Task):
     def measure(self) -> None:
         """Fill `distance` and its derivative (k, n) at the robot's present configuration."""
 
+    @abstractmethod
+    def probe(self, out: Vector) -> None:
+        """Write the distances (k,) at the robot's present configuration to ``out``.
+
+        Nothing of the last update changes.
+        """
+
     def update(self) -> None:
         """Compute `distance`, `error` and `J` at the robot's present configuration."""
         self.measure()
-        np.less_equal(self.distance, np.where(self.on, self.release, self.activation), out=self.on)
-        self.error[:] = 0.0
-        np.subtract(self._beyond, self.distance, out=self.error, where=self.on)
+        if self.one_sided:
+            np.less(self.distance, self._edge, out=self.on)
+            np.subtract(self.margin, self.distance, out=self.error)
+            np.maximum(self.error, 0.0, out=self.error)
+        else:
+            near = np.where(self.on, self.release, self.activation)
+            np.less_equal(self.distance, near, out=self.on)
+            self.error[:] = 0.0
+            np.subtract(self._beyond, self.distance, out=self.error, where=self.on)
         np.multiply(self._slope, self.on[:, None], out=self.J)
 
     def desired_velocity(self, out: Vector) -> None:
-        """Write ``K error + feedforward`` (k,) of the rows that are in to ``out``."""
+        """Write the rate (k,) that the rows which are in ask for to ``out``.
+
+        With smooth switching it is the least one that is allowed.
+        """
         super().desired_velocity(out)
-        out *= self.on
+        if self.one_sided:
+            np.subtract(self.distance, self.margin, out=self._ahead)
+            np.maximum(self._ahead, 0.0, out=self._ahead)
+            self._ahead /= self._time
+            out -= self._ahead
+        np.copyto(out, 0.0, where=~self.on)

@@ -1,0 +1,162 @@
+"""Joints that can stop in time, in discrete time; compiled by numba.
+
+A joint moves at one velocity for a whole step and changes it between steps, by at most
+``acceleration · dt``. A velocity is viable if the joint can still stop before the end of its
+range from there; from a viable velocity a viable one can always be had in the next step, by
+braking (in discrete time: Del Prete 2018; Robotics 2018, 7(3), 41).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import float64, int64, njit, types, void
+
+ROUNDING = 1e-9
+"""Distance [rad, m] from the end of a range at which a joint stops."""
+RETURN = 0.1
+"""Share of its velocity limit at which a joint that is out of its range comes back."""
+
+COLUMN = float64[::1]
+FIXED = types.Array(float64, 1, 'C', readonly=True)
+
+
+@njit(float64(float64, float64, float64), cache=True)
+def viable_speed(distance, change, dt):  # type: ignore[no-untyped-def]
+    """Largest speed towards an end at this distance [rad, m] from which a joint can stop.
+
+    With k steps of braking the joint travels ``dt (k v - change k (k - 1) / 2)`` from a speed
+    v, this step's way included; that is solved for v.
+
+    Parameters
+    ----------
+    distance
+        How far away the end is.
+    change
+        How much the speed can change from step to step; infinite without a limit.
+    dt
+        Time [s] of one step.
+    """
+    if distance <= 0.0:
+        return 0.0
+    if not math.isfinite(distance):
+        return math.inf
+    if not math.isfinite(change):
+        return distance / dt
+    unit = change * dt
+    k = max(1.0, math.ceil(0.5 * (math.sqrt(1.0 + 8.0 * distance / unit) - 1.0)))
+    return distance / (k * dt) + 0.5 * change * (k - 1.0)
+
+
+@njit(cache=True)
+def _return_speed(outside, speed, dt):  # type: ignore[no-untyped-def]
+    wanted = RETURN * speed if math.isfinite(speed) else RETURN * outside / dt
+    return min(wanted, outside / dt)
+
+
+@njit(
+    void(FIXED, COLUMN, FIXED, FIXED, FIXED, FIXED, float64, COLUMN, COLUMN, COLUMN, COLUMN),
+    cache=True,
+)
+def bound(  # type: ignore[no-untyped-def]
+    q,
+    before,
+    speed,
+    position_min,
+    position_max,
+    acceleration,
+    dt,
+    lower,
+    upper,
+    soon_lower,
+    soon_upper,
+):
+    """Fill the bounds (n,) on the velocities of the next step.
+
+    Where they cannot all be kept, because a limit was changed or the state is not of this
+    controller's making, the acceleration is kept and the joint brakes as hard as it can. A
+    joint outside its range goes no further and comes back.
+
+    Parameters
+    ----------
+    q, before
+        Positions and the velocities of the step before (n,).
+    speed, position_min, position_max, acceleration
+        Limits (n,), infinite if there is none.
+    dt
+        Time [s] of one step; infinite if unknown: only the speed is bounded then.
+    lower, upper
+        Results: without acceleration limits, zero included.
+    soon_lower, soon_upper
+        Results: with them.
+    """
+    for i in range(q.size):
+        low, high = -speed[i], speed[i]
+        change = math.inf
+        if math.isfinite(dt):
+            change = acceleration[i] * dt
+            below = q[i] - position_min[i] - ROUNDING
+            above = position_max[i] - q[i] - ROUNDING
+            high = min(high, viable_speed(above, change, dt))
+            low = max(low, -viable_speed(below, change, dt))
+            if above < -2.0 * ROUNDING:
+                high = -_return_speed(-above, speed[i], dt)
+            elif below < -2.0 * ROUNDING:
+                low = _return_speed(-below, speed[i], dt)
+        lower[i], upper[i] = min(low, 0.0), max(high, 0.0)
+        if math.isfinite(change):
+            slowest, fastest = before[i] - change, before[i] + change
+            low, high = min(low, fastest), max(high, slowest)
+            low, high = max(low, slowest), min(high, fastest)
+        soon_lower[i], soon_upper[i] = min(low, high), max(low, high)
+
+
+@njit(void(COLUMN, COLUMN, FIXED, float64, FIXED, FIXED, COLUMN), cache=True)
+def approach(wish, before, acceleration, dt, lower, upper, out):  # type: ignore[no-untyped-def]
+    """Go from the last velocities towards wished ones (n,) as far as this step allows.
+
+    All joints go the same share of the way, so that motions which leave a task alone go on
+    leaving it alone; then each is brought inside its own bounds.
+    """
+    share = 1.0
+    for i in range(wish.size):
+        change, gap = acceleration[i] * dt, abs(wish[i] - before[i])
+        if gap > change:
+            share = min(share, change / gap)
+    for i in range(wish.size):
+        value = wish[i] if share == 1.0 else before[i] + share * (wish[i] - before[i])
+        out[i] = min(max(value, lower[i]), upper[i])
+
+
+@njit(void(COLUMN, FIXED, float64, int64, COLUMN, COLUMN), cache=True)
+def coast(v, acceleration, dt, steps, way, speed):  # type: ignore[no-untyped-def]
+    """Brake every joint as hard as it can.
+
+    Parameters
+    ----------
+    v
+        Velocities (n,) of the step before.
+    acceleration, dt
+        Limits (n,) and the time [s] of one step.
+    steps
+        For how many steps; negative: to standstill.
+    way, speed
+        Results (n,): how far the joints get, and the velocities of the last step.
+    """
+    for i in range(v.size):
+        change, size = acceleration[i] * dt, abs(v[i])
+        needed = math.ceil(size / change) - 1.0 if size > 0.0 else 0.0
+        m = needed if steps < 0 else min(float(steps), needed)
+        # The speeds size - change, size - 2 change, … are added up; the last may be cut to 0.
+        total = m * size - 0.5 * m * (m + 1.0) * change if m > 0.0 else 0.0
+        way[i] = math.copysign(dt * total, v[i])
+        left = size - steps * change if steps >= 0 and math.isfinite(change) else 0.0
+        if steps == 0:
+            left = size
+        speed[i] = math.copysign(max(left, 0.0), v[i])
+
+
+def steps_to_rest(v: np.ndarray, acceleration: np.ndarray, dt: float) -> int:
+    """How many steps the slowest joint needs from velocities (n,) to standstill."""
+    return int(np.ceil(np.max(np.abs(v) / (acceleration * dt), initial=0.0)))

@@ -1,0 +1,53 @@
+"""What a solver is given: levels of rows, and bounds on the joints."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.solvers.inverses import Inverse
+
+Vector = NDArray[np.float64]
+
+
+class Rows(Protocol):
+    """What a solver needs to know of a task."""
+
+    name: str
+    k: int
+    """Number of its rows."""
+    inverse: Inverse
+    """How it is inverted, where that differs from the solver's way."""
+    weight: float
+    """Its share in a weighted sum."""
+    set_based: ClassVar[bool]
+    """Whether its rows come and go."""
+    one_sided: bool
+    """Whether its velocities are the least ones allowed, not the ones desired."""
+
+
+Levels = Sequence[Sequence[Rows]]
+"""Tasks by level, highest first."""
+
+
+class Bounds(NamedTuple):
+    """Between what the joints may move in the next step; entries may be infinite."""
+
+    speed: Vector
+    """Largest speed of every joint (n,) [rad/s, m/s]."""
+    lower: Vector
+    """Least velocity (n,), at most zero: what velocity and position limits allow."""
+    upper: Vector
+    """Largest velocity (n,), at least zero."""
+    soon_lower: Vector
+    """Least velocity (n,) that can be had in this very step, acceleration limits included."""
+    soon_upper: Vector
+    """Largest velocity (n,) that can be had in this very step."""
+
+    @classmethod
+    def of_speed(cls, speed: Vector) -> Bounds:
+        """Bounds of velocity limits (n,) alone."""
+        return cls(speed, -speed, speed, -speed, speed)
