@@ -120,6 +120,25 @@ def test_rows_that_are_out_do_not_count():
     assert explain(stack)[0].rows == explain(stack)[0].rank == 0
 
 
+def test_a_joint_at_the_end_of_its_range_is_named():
+    limits = {'velocity': [5.0], 'position_max': [1.0], 'position_min': [-1.0]}
+    block = {
+        'robot': planar_block(1.0, 1.0) | {'limits': limits},
+        'rate': 100.0,
+        'solver': {'damping': 0.0},
+        'hierarchy': ['joints'],
+        'tasks': {
+            'joints': {'type': 'joint', 'joints': ['joint_1', 'joint_2'], 'target': [3.0, 0.5]}
+        },
+    }
+    stack = build_settings(block).stack
+    step = stack.step(np.array([1.0, 0.0]))
+    np.testing.assert_allclose(step.command, [0.0, 0.5], atol=1e-6)
+    (level,) = explain(stack)
+    assert level.lost_to_levels == {'the range of joint_1': pytest.approx(2.0)}
+    assert level.text == '2 to the range of joint_1'
+
+
 def test_a_scheme_without_levels_explains_none():
     block = {
         'robot': planar_block(1.0, 1.0),

@@ -170,7 +170,7 @@ def test_limits_that_are_met_are_told_by_joint():
             'solver': {'damping': 0.0},
             'hierarchy': ['joints'],
             'tasks': {
-                'joints': {'type': 'joint', 'joints': robot['joints'], 'target': [0.0, 3.0, 1.0]}
+                'joints': {'type': 'joint', 'joints': robot['joints'], 'target': [0.2, 3.0, 1.0]}
             },
         }
     ).stack

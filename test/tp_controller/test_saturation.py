@@ -29,7 +29,7 @@ def holding(n, damping=0.0, **settings):
 
 
 def shares(solver):
-    return solver._shares[:-1].copy()
+    return solver.shares
 
 
 @given(seeds, shapes, numbers(0.05, 3), st.sampled_from([0.0, 0.1]))

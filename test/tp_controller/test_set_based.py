@@ -264,7 +264,7 @@ def test_a_left_out_activation_leaves_time_to_brake(velocity, acceleration, rate
     robot.limits = Limits(3, velocity=velocity, acceleration=acceleration)
     task = watcher(robot, rate, Switching())
     fastest = float(np.dot(velocity, [1.75, 1.0, 0.5]))
-    braking = max(4.0 / rate, float(np.max(np.divide(velocity, acceleration))))
+    braking = max(4.0 / rate, 2.0 * float(np.max(np.divide(velocity, acceleration))))
     assert task.margin == pytest.approx(1e-4 + 0.5 * fastest * sum(velocity) / rate**2)
     assert task.activation == pytest.approx(task.margin + fastest * braking)
     assert task.warnings == ()

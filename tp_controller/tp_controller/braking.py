@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import float64, int64, njit, types, void
+from numba import boolean, float64, int64, njit, types, void
 
 ROUNDING = 1e-9
 """Distance [rad, m] from the end of a range at which a joint stops."""
@@ -56,7 +56,19 @@ def _return_speed(outside, speed, dt):  # type: ignore[no-untyped-def]
 
 
 @njit(
-    void(FIXED, COLUMN, FIXED, FIXED, FIXED, FIXED, float64, COLUMN, COLUMN, COLUMN, COLUMN),
+    void(
+        FIXED,
+        COLUMN,
+        FIXED,
+        FIXED,
+        FIXED,
+        FIXED,
+        float64,
+        COLUMN,
+        COLUMN,
+        COLUMN,
+        COLUMN,
+    ),
     cache=True,
 )
 def bound(  # type: ignore[no-untyped-def]
@@ -67,8 +79,8 @@ def bound(  # type: ignore[no-untyped-def]
     position_max,
     acceleration,
     dt,
-    lower,
-    upper,
+    range_lower,
+    range_upper,
     soon_lower,
     soon_upper,
 ):
@@ -86,25 +98,26 @@ def bound(  # type: ignore[no-untyped-def]
         Limits (n,), infinite if there is none.
     dt
         Time [s] of one step; infinite if unknown: only the speed is bounded then.
-    lower, upper
-        Results: without acceleration limits, zero included.
+    range_lower, range_upper
+        Results: what the ranges allow, zero included.
     soon_lower, soon_upper
-        Results: with them.
+        Results: what all limits allow together.
     """
     for i in range(q.size):
-        low, high = -speed[i], speed[i]
+        low, high = -math.inf, math.inf
         change = math.inf
         if math.isfinite(dt):
             change = acceleration[i] * dt
             below = q[i] - position_min[i] - ROUNDING
             above = position_max[i] - q[i] - ROUNDING
-            high = min(high, viable_speed(above, change, dt))
-            low = max(low, -viable_speed(below, change, dt))
+            high = viable_speed(above, change, dt)
+            low = -viable_speed(below, change, dt)
             if above < -2.0 * ROUNDING:
                 high = -_return_speed(-above, speed[i], dt)
             elif below < -2.0 * ROUNDING:
                 low = _return_speed(-below, speed[i], dt)
-        lower[i], upper[i] = min(low, 0.0), max(high, 0.0)
+        range_lower[i], range_upper[i] = min(low, 0.0), max(high, 0.0)
+        low, high = max(low, -speed[i]), min(high, speed[i])
         if math.isfinite(change):
             slowest, fastest = before[i] - change, before[i] + change
             low, high = min(low, fastest), max(high, slowest)
@@ -129,9 +142,15 @@ def approach(wish, before, acceleration, dt, lower, upper, out):  # type: ignore
         out[i] = min(max(value, lower[i]), upper[i])
 
 
-@njit(void(COLUMN, FIXED, float64, int64, COLUMN, COLUMN), cache=True)
-def coast(v, acceleration, dt, steps, way, speed):  # type: ignore[no-untyped-def]
-    """Brake every joint as hard as it can.
+@njit(float64(float64, float64), cache=True)
+def _steps(v, change):  # type: ignore[no-untyped-def]
+    """Steps to standstill; rounding does not make one more."""
+    return math.ceil(abs(v) / change - ROUNDING) if v != 0.0 else 0.0
+
+
+@njit(void(COLUMN, FIXED, float64, boolean, int64, COLUMN, COLUMN), cache=True)
+def coast(v, acceleration, dt, together, steps, way, speed):  # type: ignore[no-untyped-def]
+    """Brake: all joints together along a straight line, or each as hard as it can.
 
     Parameters
     ----------
@@ -139,24 +158,35 @@ def coast(v, acceleration, dt, steps, way, speed):  # type: ignore[no-untyped-de
         Velocities (n,) of the step before.
     acceleration, dt
         Limits (n,) and the time [s] of one step.
+    together
+        Whether all joints stop at the same time.
     steps
         For how many steps; negative: to standstill.
     way, speed
         Results (n,): how far the joints get, and the velocities of the last step.
     """
+    slowest = 0.0
     for i in range(v.size):
-        change, size = acceleration[i] * dt, abs(v[i])
-        needed = math.ceil(size / change) - 1.0 if size > 0.0 else 0.0
+        slowest = max(slowest, _steps(v[i], acceleration[i] * dt))
+    for i in range(v.size):
+        change = acceleration[i] * dt
+        needed = slowest if together else _steps(v[i], change)
         m = needed if steps < 0 else min(float(steps), needed)
-        # The speeds size - change, size - 2 change, … are added up; the last may be cut to 0.
-        total = m * size - 0.5 * m * (m + 1.0) * change if m > 0.0 else 0.0
-        way[i] = math.copysign(dt * total, v[i])
-        left = size - steps * change if steps >= 0 and math.isfinite(change) else 0.0
-        if steps == 0:
-            left = size
-        speed[i] = math.copysign(max(left, 0.0), v[i])
+        size, loss = abs(v[i]), change
+        if together:
+            loss = size / max(needed, 1.0)
+        total, left = 0.0, size
+        if m > 0.0:
+            total = m * size - 0.5 * m * (m + 1.0) * loss
+            left = size - m * loss
+            # The last step of a joint that brakes as hard as it can may be a part of one.
+            if left < 0.0:
+                total -= left
+        if m >= needed and steps != 0:
+            left = 0.0
+        way[i], speed[i] = math.copysign(dt * total, v[i]), math.copysign(left, v[i])
 
 
 def steps_to_rest(v: np.ndarray, acceleration: np.ndarray, dt: float) -> int:
     """How many steps the slowest joint needs from velocities (n,) to standstill."""
-    return int(np.ceil(np.max(np.abs(v) / (acceleration * dt), initial=0.0)))
+    return int(np.ceil(np.max(np.abs(v) / (acceleration * dt) - ROUNDING, initial=0.0)))

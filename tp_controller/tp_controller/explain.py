@@ -39,7 +39,8 @@ class Explanation(NamedTuple):
     shortfall: float
     """``‖requested - achieved‖``."""
     lost_to_levels: Mapping[str, float]
-    """To levels above, by their tasks' names: what would need freedom that they have taken."""
+    """To levels above, by their tasks' names, and to joints at the ends of their ranges: what
+    would need freedom that they have taken."""
     lost_to_singularity: float
     """What no joint could move, even without levels above."""
     lost_to_damping: float
@@ -47,7 +48,7 @@ class Explanation(NamedTuple):
     lost_to_saturation: float
     """What the velocity limits cost."""
     lost_to_guard: float
-    """What limits of position and acceleration and the last check of distances cost."""
+    """What acceleration limits and the last check of distances cost."""
 
     @property
     def text(self) -> str:
@@ -57,7 +58,7 @@ class Explanation(NamedTuple):
             (self.lost_to_singularity, 'a singularity'),
             (self.lost_to_damping, 'damping'),
             (self.lost_to_saturation, 'velocity limits'),
-            (self.lost_to_guard, 'position or acceleration limits or braking'),
+            (self.lost_to_guard, 'acceleration limits or braking'),
         ]
         told = sorted((loss for loss in losses if loss[0] > TOLD), reverse=True)
         return ', '.join(f'{amount:.3g} to {cause}' for amount, cause in told)
@@ -83,6 +84,11 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
     size = float(np.linalg.norm(T, 2))
     free = np.eye(T.shape[0])
     above: list[tuple[str, Matrix]] = []
+    for joint in np.flatnonzero(solver.held):
+        # A joint at the end of its range is a level above all others.
+        _, _, Vt = np.linalg.svd(T[joint : joint + 1] @ free)
+        above.append((f'the range of {stack.robot.joints[joint]}', Vt[:1] @ free.T))
+        free = free @ Vt[1:].T
     found = []
     rows = zip(solver.groups, solver.shares, solver.rules, stack.systems(), strict=True)
     for group, share, (damping, region), system in rows:
@@ -96,18 +102,16 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
         U, s, Vt = np.linalg.svd(J @ free)
         rank = int(np.count_nonzero(s > RANK_TOLERANCE * size * np.linalg.norm(J)))
         U, s = U[:, :rank], s[:rank]
-        if solver.holds_joints:
-            passed = s * s / (s * s + damping**2 * np.maximum(0.0, 1.0 - (s / region) ** 2))
-            # Of each direction's wish the level got this share, less what damping held back.
-            missed = U.T @ lost
-            wish = np.zeros(rank)
-            np.divide(missed, 1.0 - share * passed, out=wish, where=share * passed < 1.0)
-            saturated = U @ ((1.0 - share) * wish)
-            damped = U @ missed - saturated
-        else:
-            # The limits shortened everything alike after the last level.
-            saturated = answered / share - answered
-            damped = U @ (U.T @ (lost - saturated))
+        passed = s * s / (s * s + damping**2 * np.maximum(0.0, 1.0 - (s / region) ** 2))
+        # Scaling shortened everything alike after the last level.
+        shortened = answered / solver.scale - answered
+        # Of each direction's wish the level got its share, less what damping held back.
+        missed = U.T @ (lost - shortened)
+        wish = np.zeros(rank)
+        np.divide(missed, 1.0 - share * passed, out=wish, where=share * passed < 1.0)
+        saturated = U @ ((1.0 - share) * wish)
+        damped = U @ missed - saturated
+        saturated += shortened
         blocked = lost - damped - saturated
         reach = _range(J, size)
         reachable = reach @ (reach.T @ blocked)

@@ -30,10 +30,10 @@ class Guard:
     Two things follow every solver. The command goes from the last one towards the wished one
     inside the joints' bounds of position, velocity and acceleration. Then the configurations
     that it leads to are looked at themselves, not their linearisation: the next one and those
-    of braking to a standstill from there. If a distance would fall below zero in any of them,
-    less of the command is sent and more braking; the braking of the step before was looked at
-    in that step, so there is always an answer. A distance that is negative already must not
-    become smaller.
+    of braking to a standstill from there, all joints together or else each as hard as it can.
+    If a distance would fall below zero in any of them, less of the command is sent and more
+    braking; the braking of the step before was looked at in that step, so there is always an
+    answer. A distance that is negative already must not become smaller.
 
     Without a period only the velocity limits are known to hold.
 
@@ -60,6 +60,8 @@ class Guard:
         self.period = period
         self._before: Vector = np.zeros(robot.n)
         self._limits: Limits | None = None
+        self._together = True
+        self._short: tuple[str, ...] = ()
         self.stopped_by: tuple[str, ...] = ()
         self.watch(())
         self.check_limits(robot.limits)
@@ -90,6 +92,11 @@ class Guard:
         self._lowest, self._found = self._clear.copy(), self._clear.copy()
         self._distance, self._required = np.zeros((2, rows))
 
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """Names of the tasks whose distances are looked at."""
+        return tuple(task.name for task, _ in self._tasks)
+
     def rest(self) -> None:
         """Go on from standstill."""
         self._before[:] = 0.0
@@ -112,7 +119,7 @@ class Guard:
             limits.position_max,
             limits.acceleration,
             self.period,
-            *self._bounds[1:],
+            *self._bounds[1:5],
         )
         return self._bounds
 
@@ -130,7 +137,10 @@ class Guard:
         if self._plain:
             self._bounds = Bounds.of_speed(limits.velocity)
         else:
-            self._bounds = Bounds(limits.velocity, *np.zeros((4, self._robot.n)))
+            low, high, soon_low, soon_high = np.zeros((4, self._robot.n))
+            self._bounds = Bounds(
+                limits.velocity, low, high, soon_low, soon_high, not endless.all()
+            )
 
     def pass_on(self, q: Vector, command: Vector) -> None:
         """Turn a wished command (n,), inside the velocity limits, into one that can be sent.
@@ -162,26 +172,36 @@ class Guard:
             self._distance[part] = task.distance
         np.minimum(self._lowest, self._distance, out=self._required)
         np.minimum(self._required, self._clear, out=self._required)
+        together = self._together
         if self._is_safe(q, command):
-            self._lowest[:] = self._found
             return
         self.stopped_by = self._short
         way, stop = np.zeros((2, self._robot.n))
         acceleration = self._robot.limits.acceleration
-        self._braking.coast(self._before, acceleration, self.period, 1, way, stop)
+        self._braking.coast(self._before, acceleration, self.period, self._together, 1, way, stop)
         for share in SHARES:
             trial = stop + share * (command - stop)
             if self._is_safe(q, trial):
                 command[:] = trial
-                self._lowest[:] = self._found
                 return
-        command[:] = stop
+        command[:], self._together = stop, together
 
     def _is_safe(self, q: Vector, command: Vector) -> bool:
+        """Whether the arm can stop from there, in one way or the other."""
+        for together in (True, False) if self._accelerates else (True,):
+            if self._stops(q, command, together):
+                self._lowest[:] = self._found
+                self._together = together
+                return True
+        return False
+
+    def _stops(self, q: Vector, command: Vector, together: bool) -> bool:
         """Whether every distance stays above what is required, until the arm has stopped."""
         acceleration, dt = self._robot.limits.acceleration, self.period
         rest, way, speed = np.zeros((3, self._robot.n))
-        self._braking.coast(command, acceleration, dt, -1, rest, speed)
+        self._braking.coast(command, acceleration, dt, together, -1, rest, speed)
+        if together and self._accelerates and not self._in_range(q + dt * command + rest):
+            return False
         room = self._distance - self._required
         # No joint turns back while it brakes: the lengths of the ways add up.
         doubtful = room < self._reach @ (dt * np.abs(command) + np.abs(rest))
@@ -195,7 +215,7 @@ class Guard:
         last, steps = self._braking.steps_to_rest(command, acceleration, dt), 0
         try:
             while True:
-                self._braking.coast(command, acceleration, dt, steps, way, speed)
+                self._braking.coast(command, acceleration, dt, together, steps, way, speed)
                 self._robot.place(q + dt * command + way)
                 for task, part in near:
                     task.probe(distance[part])
@@ -215,6 +235,11 @@ class Guard:
         finally:
             self._robot.update(q)
 
+    def _in_range(self, q: Vector) -> bool:
+        """Whether no joint leaves its range;."""
+        limits = self._robot.limits
+        return bool(np.all(q >= limits.position_min) and np.all(q <= limits.position_max))
+
     def active_limits(self, command: Vector) -> list[str]:
         """Which limits a command (n,) that was sent meets, by joint, and who stopped it."""
         found = []
@@ -230,8 +255,8 @@ class Guard:
     def _met(self, joint: str, i: int, value: float) -> list[str]:
         bounds = self._bounds
         for free, soon, sign in (
-            (bounds.upper[i], bounds.soon_upper[i], 1.0),
-            (bounds.lower[i], bounds.soon_lower[i], -1.0),
+            (bounds.range_upper[i], bounds.soon_upper[i], 1.0),
+            (bounds.range_lower[i], bounds.soon_lower[i], -1.0),
         ):
             if sign * value >= sign * soon - AT_LIMIT * max(1.0, abs(soon)):
                 return [f'{joint} {"position" if sign * free <= sign * soon else "acceleration"}']

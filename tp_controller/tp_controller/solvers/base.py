@@ -14,6 +14,7 @@ from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.objectives import Objective
 from tp_controller.solvers.inverses import DEFAULT, ONE_SIDED, Inverse
 from tp_controller.solvers.problem import Bounds, Levels, Rows
+from tp_controller.solvers.working_set import WorkingSet
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -22,9 +23,6 @@ SATURATIONS = ('uniform', 'null_space')
 
 RANK_TOLERANCE = 1e-8
 """Singular values below this share of ‖J‖ (Frobenius) do not count towards the rank."""
-
-BROKEN = 1e-9
-"""A least rate that is missed by less than this, per length of its row, is not broken."""
 
 
 class Solver(ABC):
@@ -49,7 +47,8 @@ class Solver(ABC):
     saturation
         What is done at the velocity limits. ``uniform``: the whole velocity is scaled, so
         its direction is kept. ``null_space``: joints are held at their limits, others make
-        up for them, and only what is infeasible is scaled, the lowest levels first.
+        up for them, and only what is infeasible is scaled, the lowest levels first. At the
+        ends of their ranges joints are held with both.
 
     Raises
     ------
@@ -75,8 +74,6 @@ class Solver(ABC):
         self._basis = _basis(n, joint_weights)
         self._tolerance = RANK_TOLERANCE * float(np.linalg.norm(self._basis, 2))
         self._groups: Levels = ()
-        self._endless = np.full(n, np.inf)
-        self._endless_down = -self._endless
         if saturation not in SATURATIONS:
             accepts = f'one of {listed(SATURATIONS)}'
             raise InvalidValue('solver.saturation', shown(saturation), accepts)
@@ -94,8 +91,21 @@ class Solver(ABC):
 
     @property
     def shares(self) -> Vector:
-        """What the velocity limits left to each group (groups,) in the last step; a copy."""
-        return self._shares[: len(self._groups)].copy()
+        """What held joints left to each group (groups,) in the last step; a copy."""
+        assert self._set is not None
+        return self._set.shares[: len(self._groups)].copy()
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Which joints the last step held at the bound that their range sets (n,); a copy."""
+        assert self._set is not None
+        return self._set.held.copy()
+
+    @property
+    def scale(self) -> float:
+        """What uniform scaling left of the last step's velocity."""
+        assert self._set is not None
+        return self._set.scale
 
     @property
     def metric(self) -> Matrix:
@@ -170,20 +180,17 @@ class Solver(ABC):
         sizes = [sum(task.k for task in group) for group in self._groups]
         self._starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
         self.k = int(self._starts[-1])
-        self._work = kernel.workspace(self.k + self.n, self.n)
-        # A scheme may add rows of its own, up to n.
-        self._acts = np.ones(self.k + self.n, dtype=np.bool_)
         tasks = [task for group in self._groups for task in group]
         sides = [np.full(task.k, task.one_sided) for task in tasks]
-        self._bounded = np.flatnonzero(np.concatenate([*sides, np.zeros(0, dtype=bool)]))
+        self._one_sided = np.flatnonzero(np.concatenate([*sides, np.zeros(0, dtype=bool)]))
         self.acting: NDArray[np.bool_] = np.zeros(self.k, dtype=np.bool_)
-        # One more than groups: a scheme may add a level of its own.
-        self._shares = np.ones(len(self._groups) + 1)
         self._set_rules()
 
     def _set_rules(self) -> None:
         rules = [self._rule(group) for group in self._groups]
         self._rules = np.array(rules, dtype=float).reshape(-1, 2)
+        # Made at the next step: a scheme may add levels of its own until then.
+        self._set: WorkingSet | None = None
 
     def _rule(self, group: Sequence[Rows]) -> tuple[float, float]:
         task = _leading(group)
@@ -226,74 +233,19 @@ class Solver(ABC):
         return self._resolve(J, velocity, bounds, qd)
 
     def _resolve(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
-        """Resolve with the rows of one-sided tasks that are needed, and no others.
-
-        Each of them is first left out; the one that the answer breaks most comes in as a row
-        like any other, until none is broken. Then each that the later ones have made needless
-        goes out again. An answer that just meets a bound is the same with its row and without
-        it, so the command changes without a step when a row comes in.
-        """
-        acts, rows = self._acts, self._bounded
-        acts[rows] = False
-        scale = self._answer(J, velocity, bounds, qd)
-        near = rows[J[rows].any(axis=1)] if rows.size else rows
-        if near.size:
-            scale = self._bring_in(near, J, velocity, bounds, qd, scale)
-        self.acting[:] = False
-        self.acting[near] = acts[near]
-        return scale
-
-    def _bring_in(
-        self,
-        near: NDArray[np.int64],
-        J: Matrix,
-        velocity: Vector,
-        bounds: Bounds,
-        qd: Vector,
-        scale: float,
-    ) -> float:
-        acts, slopes, least = self._acts, J[near], velocity[near]
-        lengths = np.sqrt(np.einsum('ij,ij->i', slopes, slopes))
-        came: list[int] = []
-        while len(came) < near.size:
-            broken = (least - slopes @ qd) / lengths
-            broken[acts[near]] = -np.inf
-            worst = int(broken.argmax())
-            if not broken[worst] > BROKEN:
-                break
-            came.append(int(near[worst]))
-            acts[came[-1]] = True
-            scale = self._answer(J, velocity, bounds, qd)
-        # The last one that came is needed; each of the others is tried without.
-        for row in came[:-1]:
-            acts[row] = False
-            scale = self._answer(J, velocity, bounds, qd)
-            if np.any((slopes @ qd < least - BROKEN * lengths) & ~acts[near]):
-                acts[row] = True
-                scale = self._answer(J, velocity, bounds, qd)
-        return scale
-
-    def _answer(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
-        finite = self._kernel.resolve(
-            J,
-            velocity,
-            self._acts,
-            self._starts,
-            self._rules,
-            self._basis,
-            self._tolerance,
-            bounds.lower if self.holds_joints else self._endless_down,
-            bounds.upper if self.holds_joints else self._endless,
-            self._work,
-            self._shares,
-            qd,
-        )
-        if not finite:
-            raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
-        if self.holds_joints:
-            return float(self._shares.min())
-        scale: float = self._kernel.shorten(qd, bounds.speed)
-        self._shares[:] = scale
+        if self._set is None:
+            self._set = WorkingSet(
+                self._kernel,
+                self._starts,
+                self._rules,
+                self._one_sided,
+                self._basis,
+                self._tolerance,
+                self.holds_joints,
+            )
+        scale = self._set.resolve(J, velocity, bounds, qd)
+        if self._one_sided.size:
+            self.acting[self._one_sided] = self._set.acts[self._one_sided]
         return scale
 
 

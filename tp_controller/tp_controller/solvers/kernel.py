@@ -1,4 +1,4 @@
-"""The recursion over levels inside velocity bounds, compiled by numba: no allocation.
+"""The recursion over levels inside velocity limits, compiled by numba: no allocation.
 
 Everything here works in arrays that the caller made. Bases and singular vectors are kept as
 rows, so that every inner loop runs over neighbouring numbers. Importing this module compiles
@@ -209,8 +209,8 @@ def _invert(J, order, k, N, m, rule, smallest, sides, answers, count, B, W):  # 
 
 
 @njit(cache=True)
-def _interval(start, way, lower, upper, held):  # type: ignore[no-untyped-def]
-    """Shares s for which ``start + s way`` (n,) is inside the bounds; held joints do not count.
+def _interval(start, way, limit, held):  # type: ignore[no-untyped-def]
+    """Shares s for which ``start + s way`` (n,) is inside the limits; held joints do not count.
 
     Returns
     -------
@@ -221,8 +221,8 @@ def _interval(start, way, lower, upper, held):  # type: ignore[no-untyped-def]
     for c in range(start.size):
         if held[c] != 0.0 or way[c] == 0.0:
             continue
-        ahead = ((upper[c] if way[c] > 0.0 else lower[c]) - start[c]) / way[c]
-        behind = ((lower[c] if way[c] > 0.0 else upper[c]) - start[c]) / way[c]
+        ahead = (math.copysign(limit[c], way[c]) - start[c]) / way[c]
+        behind = (math.copysign(limit[c], -way[c]) - start[c]) / way[c]
         low = max(low, behind)
         if ahead < high:
             high, critical = ahead, c
@@ -239,18 +239,17 @@ def _interval(start, way, lower, upper, held):  # type: ignore[no-untyped-def]
         ROWS,
         float64,
         FIXED,
-        FIXED,
         float64[:, :, ::1],
         COLUMN,
         COLUMN,
     ),
     cache=True,
 )
-def resolve(J, velocity, acts, starts, rules, basis, tolerance, lower, upper, work, shares, qd):  # type: ignore[no-untyped-def]
-    """Resolve levels one after the other so that no joint ever leaves its bounds.
+def resolve(J, velocity, acts, starts, rules, basis, tolerance, limit, work, shares, qd):  # type: ignore[no-untyped-def]
+    """Resolve levels one after the other so that no joint ever exceeds its limit.
 
-    Each level starts from the velocity of those above it, which is inside the bounds, and
-    may use what they leave. Where its step leads out, the joint that meets its bound first
+    Each level starts from the velocity of those above it, which is inside the limits, and
+    may use what they leave. Where its step leads out, the joint that meets its limit first
     is held there and the others make up for it; this goes on until the level has what it
     asks for, or the joints that are left cannot move all of it. Then it gets the largest
     share that was found (Flacco, De Luca and Khatib 2015). Levels above are never touched.
@@ -271,9 +270,8 @@ def resolve(J, velocity, acts, starts, rules, basis, tolerance, lower, upper, wo
         Rows (n, n) that span the joint velocities, orthonormal in the metric to minimise.
     tolerance
         Singular values below this times ‖J‖ (Frobenius) count for nothing.
-    lower, upper
-        Least and largest velocity of every joint (n,), at most and at least zero; infinite
-        if there is none.
+    limit
+        Largest speed of every joint (n,); infinite if there is none.
     work
         Space to work in, see `workspace`.
     shares
@@ -310,7 +308,7 @@ def resolve(J, velocity, acts, starts, rules, basis, tolerance, lower, upper, wo
             for j in range(m):
                 Z[j, c] = N[j, c]
                 way[c] += answers[0, j] * N[j, c]
-            # Comparisons with bounds would say nothing about what is not finite.
+            # Comparisons with limits would say nothing about what is not finite.
             if not math.isfinite(way[c]):
                 return False
         freedom = m
@@ -319,7 +317,7 @@ def resolve(J, velocity, acts, starts, rules, basis, tolerance, lower, upper, wo
         m -= full
         share = -1.0
         while True:
-            low, high, critical = _interval(start, way, lower, upper, held)
+            low, high, critical = _interval(start, way, limit, held)
             reached = min(1.0, high)
             if max(low, 0.0) <= reached and reached > share:
                 share = reached
@@ -332,8 +330,8 @@ def resolve(J, velocity, acts, starts, rules, basis, tolerance, lower, upper, wo
                 length += Z[j, critical] * Z[j, critical]
             if freedom == 1 or length < SHORT * SHORT:
                 break
-            # Hold the joint at its bound, by the shortest change of what is free.
-            gap = (upper if way[critical] > 0.0 else lower)[critical] - base[critical]
+            # Hold the joint at its limit, by the shortest change of what is free.
+            gap = math.copysign(limit[critical], way[critical]) - base[critical]
             for c in range(n):
                 change = 0.0
                 for j in range(freedom):
@@ -366,7 +364,7 @@ def resolve(J, velocity, acts, starts, rules, basis, tolerance, lower, upper, wo
         if share >= 0.0:
             for c in range(n):
                 # Rounding may leave a component one unit in the last place outside.
-                qd[c] = min(max(best[c], lower[c]), upper[c])
+                qd[c] = min(max(best[c], -limit[c]), limit[c])
         if m == 0:
             break
     finite = True

@@ -38,16 +38,19 @@ class Bounds(NamedTuple):
 
     speed: Vector
     """Largest speed of every joint (n,) [rad/s, m/s]."""
-    lower: Vector
-    """Least velocity (n,), at most zero: what velocity and position limits allow."""
-    upper: Vector
-    """Largest velocity (n,), at least zero."""
+    range_lower: Vector
+    """Least velocity (n,), at most zero, that leaves time to stop inside the joint's range."""
+    range_upper: Vector
+    """Largest velocity (n,), at least zero, that leaves time to stop inside the range."""
     soon_lower: Vector
-    """Least velocity (n,) that can be had in this very step, acceleration limits included."""
+    """Least velocity (n,) that can be had in this very step, all limits together."""
     soon_upper: Vector
     """Largest velocity (n,) that can be had in this very step."""
+    ranged: bool = True
+    """Whether any joint has a range."""
 
     @classmethod
     def of_speed(cls, speed: Vector) -> Bounds:
         """Bounds of velocity limits (n,) alone."""
-        return cls(speed, -speed, speed, -speed, speed)
+        endless = np.full_like(speed, np.inf)
+        return cls(speed, -endless, endless, -speed, speed, False)

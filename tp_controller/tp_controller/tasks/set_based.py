@@ -53,6 +53,9 @@ MARGIN = 1e-4
 STEPS = 4.0
 """With smooth switching the speed of approach falls with this time constant [steps] or more."""
 
+BRAKING = 2.0
+"""So many times as long as joints need to stop: the others may need their limits too."""
+
 
 class Switching(NamedTuple):
     """How the rows of a set-based task come in and go out."""
@@ -175,7 +178,7 @@ class SetBasedTask(Task):
             # The second derivative by joints i and j is no larger than the reach of either.
             turning = float(velocity[moves.any(axis=0)].sum()) * period
             margin = MARGIN + (0.5 * self._travel * turning if self.bends else 0.0)
-        self._needed = margin + fastest * max(STEPS * period, self._braking_time())
+        self._needed = margin + fastest * max(STEPS * period, BRAKING * self._braking_time())
         if not margin > 0.0:
             raise InvalidValue('margin', shown(margin), 'a number above 0')
         # Rows that no joint can move never come in; their thresholds only have to make sense.
