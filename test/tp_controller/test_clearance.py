@@ -25,6 +25,7 @@ from tp_controller.robot import (
     obstacle_clearance,
     robot_bodies,
     self_clearance,
+    sphere,
 )
 
 H = 1e-6
@@ -36,8 +37,10 @@ def ends(given, places, link):
     return moved(places[link], values[:3]), moved(places[link], values[3:6]), values[6]
 
 
-def distance_from(given, places, link, obstacle):
+def distance_from(given, places, link, obstacle, only=''):
     start, end, radius = ends(given, places, link)
+    if only:
+        start = end = {'start': start, 'end': end}[only]
     return line_distance(*obstacle, start, end) - radius
 
 
@@ -64,10 +67,11 @@ def test_links_are_as_far_from_an_obstacle_as_in_plain_numpy(arm, obstacle, data
     clearance = obstacle_clearance(robot, bodies, shape_of(obstacle), list(bodies))
     robot.update(q)
     clearance.update()
-    for row, link in enumerate(clearance.names):
+    for row, name in enumerate(clearance.names):
+        link, _, end = name.partition(' ')
 
-        def distance(q, link=link):
-            return distance_from(given_capsules, places(q), link, obstacle)
+        def distance(q, link=link, end=end):
+            return distance_from(given_capsules, places(q), link, obstacle, end)
 
         # Deeper, the way out for the capsule is not that for its middle line.
         if obstacle[0][0] != 'half_space' and distance(q) < 1e-3 - given_capsules[link][6]:
@@ -182,7 +186,9 @@ def test_far_rows_are_not_computed_anew(monkeypatch):
     monkeypatch.setattr(clearance, '_compute', lambda pair: pytest.fail('computed'))
     robot.update(np.array([0.5, -0.5]))
     clearance.update()
-    np.testing.assert_allclose(clearance.distance, [4.9 - 0.5 * 1.1, 4.9 - 0.5 * (2.1 + 1.1)])
+    assert clearance.names == ('link_1 start', 'link_1 end', 'link_2 start', 'link_2 end')
+    away = 0.5 * np.array([0.1, 1.1, 1.1 + 0.1, 2.1 + 1.1])
+    np.testing.assert_allclose(clearance.distance, 4.9 - away)
 
 
 @given(clad_arms(), obstacles(), vectors(3, 1), vectors(3, 1), st.booleans(), st.data())
@@ -229,9 +235,10 @@ def test_the_way_out_of_an_overlap_is_the_way_in(kind, height):
         pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1 + height]))
     )
     clearance = obstacle_clearance(robot, {'link_1': (body,)}, Shape(kind, size[kind], below))
-    assert clearance.distances() == pytest.approx([height], abs=1e-6)
+    distances = clearance.distances()
+    assert distances.min() == pytest.approx(height, abs=1e-6)
     if height:
-        ((point, nearest),) = clearance.nearest_points()
+        point, nearest = clearance.nearest_points()[np.argmin(distances)]
         np.testing.assert_allclose((point - nearest) / height, [0.0, 0.0, 1.0], atol=1e-3)
 
 
@@ -255,16 +262,32 @@ def test_a_link_with_several_shapes_has_the_nearest_one_in_its_row():
         robot,
         capsules={'link_2': [-1, 0, 0, 0, 0, 0, 0.1, 0, 0, 0, 0, 0.5, 0, 0.2]},
     )
-    clearance = obstacle_clearance(robot, arm, half_space([0.0, 2.0, 0.0], [0.0, -1.0, 0.0]))
+    clearance = obstacle_clearance(robot, arm, sphere(1.0, [0.0, 3.0, 0.0]))
     robot.update(np.zeros(2))
     clearance.update()
     assert clearance.names == ('link_2',)
-    np.testing.assert_allclose(clearance.distance, [1.3])
-    np.testing.assert_allclose(clearance.slope, [[-2.0, -1.0]], atol=1e-12)
+    away = math.hypot(2.0, 2.5)
+    np.testing.assert_allclose(clearance.distance, [away - 1.2])
+    np.testing.assert_allclose(clearance.slope, [[-6.0 / away, -3.5 / away]])
     robot.update(np.array([-math.pi / 2, 0.0]))
     clearance.update()
     np.testing.assert_allclose(clearance.distance, [2.9])
-    np.testing.assert_allclose(clearance.slope, [[-0.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(clearance.slope, [[0.0, 0.0]], atol=1e-12)
+
+
+def test_the_ends_of_capsules_have_rows_of_their_own_along_flat_obstacles():
+    robot = planar_robot(1.0)
+    bodies = robot_bodies(robot, link_radius=[0.1])
+    below = pin.SE3(np.eye(3), np.array([0.0, -1.0, 0.0]))
+    robot.update(np.array([0.2]))
+    for shape, names in (
+        (sphere(0.5, below.translation), ('link_1',)),
+        (half_space(below.translation, [0.0, 1.0, 0.0]), ('link_1 start', 'link_1 end')),
+        (Shape('box', (9.0, 0.2, 9.0), below), ('link_1', 'link_1 start', 'link_1 end')),
+    ):
+        clearance = obstacle_clearance(robot, bodies, shape)
+        assert clearance.names == names
+    np.testing.assert_allclose(clearance.distances(), [0.8, 0.8, 0.8 + math.sin(0.2)])
 
 
 def test_only_joints_between_two_links_change_their_distance():

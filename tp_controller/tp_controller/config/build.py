@@ -13,6 +13,7 @@ from tp_controller.config.schema import (
     REST,
     URDF,
     controller_schema,
+    needs_bodies,
     robot_source,
     task_names,
 )
@@ -26,8 +27,10 @@ from tp_controller.robot import (
     dh_description,
     dh_robot,
     read_description,
+    robot_bodies,
     urdf_robot,
 )
+from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
 from tp_controller.solvers import SOLVER_TYPES, Inverse
 from tp_controller.stack import Stack, split_hierarchy
 from tp_controller.tasks import TASK_TYPES, Task
@@ -132,16 +135,24 @@ def build_robot(values: Flat, received: str | None = None) -> Robot:
     """
     source = robot_source(values)
     if source not in (URDF, DESCRIPTION, None):
-        return dh_robot(*_dh_arm(values))
+        return _clad(dh_robot(*_dh_arm(values)), None, values)
     text = describe_robot(values, received)
     limits = {key: values[f'robot.limits.{key}'] for key in Limits.KEYS}
     rest = {key.removeprefix(REST): values[key] for key in values if key.startswith(REST)}
     try:
-        return urdf_robot(text, values['robot.joints'], values['robot.base_frame'], limits, rest)
+        robot = urdf_robot(text, values['robot.joints'], values['robot.base_frame'], limits, rest)
+        return _clad(robot, text if needs_bodies(values) else None, values)
     except InvalidValue as error:
         if error.key == URDF and source != URDF:
             raise InvalidValue(DESCRIPTION, error.got, error.accepts) from None
         raise
+
+
+def _clad(robot: Robot, description: str | None, values: Flat) -> Robot:
+    """Give a robot the shapes of its links."""
+    given = {key.removeprefix(CAPSULES): values[key] for key in values if key.startswith(CAPSULES)}
+    robot.bodies = robot_bodies(robot, description, values[LINK_RADIUS], given)
+    return robot
 
 
 def _dh_arm(values: Flat) -> tuple[Sequence[str], DHParameters, str | None, Limits]:

@@ -17,9 +17,10 @@ from tp_controller.parameters import (
     TEXTS,
     Parameter,
 )
+from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
 from tp_controller.robot.dh import CONVENTIONS, JOINT_TYPES
 from tp_controller.solvers import DEFAULT, INVERSES, SATURATIONS, SOLVER_TYPES
-from tp_controller.tasks import COMMON, TASK_TYPES
+from tp_controller.tasks import COMMON, TASK_TYPES, SelfCollisionTask
 
 URDF = 'robot.urdf'
 DESCRIPTION = 'robot_description'
@@ -73,6 +74,12 @@ SHARED: Mapping[str, Parameter] = {
         'Largest acceleration [rad/s², m/s²], one value or one per joint; needs rate',
         above=0.0,
         runtime=True,
+    ),
+    LINK_RADIUS: Parameter(
+        NUMBERS,
+        'Radius [m] of capsules along the links, one value or one per joint, in place of the '
+        "URDF's collision shapes",
+        above=0.0,
     ),
     'command.type': Parameter(
         TEXT,
@@ -196,7 +203,10 @@ def shared_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
     InvalidValue
         As `robot_source`.
     """
-    schema = dict(SHARED)
+    given = Parameter(
+        NUMBERS, 'Capsules of a link: x y z of the start, x y z of the end, radius [m], and so on'
+    )
+    schema = {**SHARED, **{key: given for key in flat if key.startswith(CAPSULES)}}
     if (robot_source(flat) or '').startswith(DH):
         return schema
     for key in ('robot.joints', *(key for key in SHARED if key.startswith(DH))):
@@ -208,6 +218,17 @@ def shared_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
 def task_names(flat: Mapping[str, Any]) -> list[str]:
     """Names of the tasks that have a ``tasks.<name>.…`` key, in their first order."""
     return list(dict.fromkeys(key.split('.')[1] for key in flat if key.startswith('tasks.')))
+
+
+def needs_bodies(flat: Mapping[str, Any]) -> bool:
+    """Whether any task needs the shapes of the robot's links."""
+    return any(
+        flat[key] == SelfCollisionTask.type
+        if key.endswith('.type')
+        else key.endswith('.whole_arm') and flat[key]
+        for key in flat
+        if key.startswith('tasks.')
+    )
 
 
 def controller_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:

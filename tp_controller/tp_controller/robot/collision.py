@@ -15,10 +15,9 @@ from typing import NamedTuple
 import coal
 import numpy as np
 import pinocchio as pin
-from numba import boolean, float64, njit, types
 from numpy.typing import NDArray
 
-from tp_controller.robot.bodies import Bodies, body_place
+from tp_controller.robot.bodies import body_place
 from tp_controller.robot.model import Robot
 from tp_controller.robot.reach import joint_path
 from tp_controller.robot.shapes import Shape
@@ -36,39 +35,21 @@ FAILED = 1e300
 
 
 class Row(NamedTuple):
-    """What one distance is between."""
+    """What one distance is between: some shapes of a link, and an obstacle or another link's."""
 
     name: str
     link: str
-    other: str | None
+    shapes: tuple[Shape, ...]
+    other: str | None = None
     """The other link, None for the obstacle."""
-
-
-_ROWS = float64[:, ::1]
-_COLUMN = float64[::1]
-_FIXED = types.Array(float64, 1, 'C', readonly=True)
-
-
-@njit([boolean(_FIXED, _ROWS, _ROWS, _COLUMN, _COLUMN, _COLUMN)], cache=True)
-def _lower_bounds(q, anchor, reach, known, threshold, lower):  # type: ignore[no-untyped-def]
-    """Fill lower bounds from distances known at other configurations; whether any is near."""
-    near = False
-    for i in range(len(known)):
-        bound = known[i]
-        for j in range(len(q)):
-            way = abs(q[j] - anchor[i, j])
-            if way > 0.0:
-                bound -= reach[i, j] * way
-        lower[i] = bound
-        near |= bound < threshold[i]
-    return near
+    others: tuple[Shape, ...] = ()
 
 
 class Clearance:
     """Signed distances between shapes at the robot's present configuration, in k rows.
 
-    A row has the least distance between the shapes of a link and an obstacle, or between
-    those of two links; where they overlap it is minus the length of the shortest way apart.
+    A row has the least distance between shapes of a link and an obstacle, or between those
+    of two links; where they overlap it is minus the length of the shortest way apart.
     Its derivative is ``nᵀ (J_a - J_b)`` with the unit normal n from the one to the other and
     the Jacobians of the nearest points. In the depth at which the middle lines of rounded
     shapes meet, n is one of the many that lead out.
@@ -80,9 +61,7 @@ class Clearance:
     robot
         The robot.
     rows
-        What each distance is between (k,), links with a joint in between.
-    bodies
-        The shapes of every link of the rows.
+        What each distance is between (k,); between two links there has to be a joint.
     obstacle
         The obstacle, at its pose in the base frame; None if the rows have two links.
 
@@ -100,28 +79,35 @@ class Clearance:
         Bound (k, n) on the size of the derivative, at every configuration inside the limits.
     """
 
-    def __init__(
-        self, robot: Robot, rows: Sequence[Row], bodies: Bodies, obstacle: Shape | None
-    ) -> None:
+    def __init__(self, robot: Robot, rows: Sequence[Row], obstacle: Shape | None = None) -> None:
+        # Compiled, or loaded, for tasks that need it.
+        from tp_controller.robot.bounds import lower_bounds
+
+        self._lower_bounds = lower_bounds
         self.robot = robot
         self.names = tuple(row.name for row in rows)
         self._geometry = pin.GeometryModel()
         self._hulls: list[tuple[Matrix, float]] = []
         self._obstacle = obstacle
-        shapes = {
-            link: [self._add(link, i, shape) for i, shape in enumerate(bodies[link])]
-            for link in dict.fromkeys(link for row in rows for link in row[1:] if link is not None)
-        }
-        placed = [] if obstacle is None else [self._place('obstacle', 0, obstacle)]
-        starts, counts, sides, reaches = [], [], [], []
+        added: dict[tuple[str, int], int] = {}
+        starts, counts, sides = [], [], []
+        reaches: list[Vector] = []
+        if obstacle is not None:
+            self._place('obstacle', 0, obstacle)
         for row in rows:
-            others = placed if row.other is None else shapes[row.other]
-            starts.append(len(self._geometry.collisionPairs))
-            for a in shapes[row.link]:
-                for b in others:
-                    self._geometry.addCollisionPair(pin.CollisionPair(a, b))
-                    reaches.append(self._pair_reach(a, b))
-            counts.append(len(self._geometry.collisionPairs) - starts[-1])
+            starts.append(len(reaches))
+            for shape in row.shapes:
+                one = self._add(row.link, shape, added)
+                # The obstacle is the first of all.
+                others = (
+                    [0]
+                    if row.other is None
+                    else [self._add(row.other, other, added) for other in row.others]
+                )
+                for other in others:
+                    self._geometry.addCollisionPair(pin.CollisionPair(one, other))
+                    reaches.append(self._pair_reach(one, other))
+            counts.append(len(reaches) - starts[-1])
             sides.append(self._sides(row))
         self._results = self._geometry.createData()
         for request in self._results.distanceRequests:
@@ -167,7 +153,7 @@ class Clearance:
         else:
             self._known[:] = -math.inf
         self._obstacle = self._obstacle._replace(pose=pin.SE3(pose))
-        self._geometry.geometryObjects[self._geometry.ngeoms - 1].placement = self._obstacle.pose
+        self._geometry.geometryObjects[0].placement = self._obstacle.pose
 
     def update(self) -> None:
         """Fill `distance` and `slope` at the robot's present configuration."""
@@ -201,7 +187,9 @@ class Clearance:
     def _measure(self, threshold: Vector, distance: Vector) -> bool:
         """Fill distances (k,); whether any had to be computed."""
         q, lower = self.robot.q, self._lower
-        near = _lower_bounds(q, self._anchor, self._pair_reaches, self._known, threshold, lower)
+        near = self._lower_bounds(
+            q, self._anchor, self._pair_reaches, self._known, threshold, lower
+        )
         if near:
             pin.updateGeometryPlacements(
                 self.robot.model, self.robot.data, self._geometry, self._results
@@ -257,9 +245,13 @@ class Clearance:
         end = start + int(np.count_nonzero(self._row_of == row))
         return start + int(np.argmin(self._lower[start:end]))
 
-    def _add(self, link: str, index: int, shape: Shape) -> int:
-        joint, placement = body_place(self.robot, link)
-        return self._place(f'{link} {index}', joint, shape.moved(placement))
+    def _add(self, link: str, shape: Shape, added: dict[tuple[str, int], int]) -> int:
+        """Index of a link's shape, which many rows may have."""
+        key = (link, id(shape))
+        if key not in added:
+            joint, placement = body_place(self.robot, link)
+            added[key] = self._place(f'{link} {len(added)}', joint, shape.moved(placement))
+        return added[key]
 
     def _place(self, name: str, joint: int, shape: Shape) -> int:
         geometry = pin.GeometryObject(name, joint, shape.pose, shape.geometry())

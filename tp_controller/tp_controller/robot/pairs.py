@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from itertools import combinations
 
 import pinocchio as pin
@@ -18,7 +18,9 @@ from tp_controller.robot.shapes import Shape
 def obstacle_clearance(
     robot: Robot, bodies: Bodies, obstacle: Shape, links: Sequence[str] | None = None
 ) -> Clearance:
-    """Clearance of links from an obstacle, one row per link.
+    """Clearance of links from an obstacle.
+
+    One row per link, and unless the obstacle is a sphere, one per end of its capsules.
 
     Parameters
     ----------
@@ -43,7 +45,27 @@ def obstacle_clearance(
         raise InvalidValue(
             'links', f'{NO_VALUE} for any link', 'robot.link_radius, or robot.capsules of a link'
         )
-    return Clearance(robot, [Row(link, link, None) for link in links], bodies, obstacle)
+    rows = [row for link in links for row in _rows(link, bodies[link], obstacle)]
+    return Clearance(robot, rows, obstacle)
+
+
+def _rows(link: str, shapes: tuple[Shape, ...], obstacle: Shape) -> Iterator[Row]:
+    """Rows of a link: its shapes together, and the ends of capsules where these may take turns.
+
+    Along a flat obstacle now the one end of a capsule is nearest and now the other: what holds
+    the one back says nothing of the other.
+    """
+    curved = obstacle.kind == 'sphere'
+    ends = {} if curved else {i: shape.ends() for i, shape in enumerate(shapes) if shape.ends()}
+    # A capsule is as far from a plane as the nearer of its ends.
+    flat = obstacle.kind == 'half_space'
+    whole = tuple(shape for i, shape in enumerate(shapes) if not (flat and i in ends))
+    if whole:
+        yield Row(link, link, whole)
+    for number, pair in enumerate(ends.values()):
+        which = f' {number + 1}' if len(ends) > 1 else ''
+        for word, end in zip(('start', 'end'), pair, strict=True):
+            yield Row(f'{link}{which} {word}', link, (end,))
 
 
 def self_clearance(
@@ -77,10 +99,14 @@ def self_clearance(
                 raise InvalidValue(key, shown(' '.join(pair)), 'links with a joint in between')
     left_out = {frozenset(pair) for pair in ignore}
     chosen = link_pairs(robot, bodies) if pairs is None else pairs
-    rows = [Row(f'{a} - {b}', a, b) for a, b in chosen if frozenset((a, b)) not in left_out]
+    rows = [
+        Row(f'{a} - {b}', a, bodies[a], b, bodies[b])
+        for a, b in chosen
+        if frozenset((a, b)) not in left_out
+    ]
     if not rows:
         raise InvalidValue('pairs', NO_VALUE, 'two links that are not neighbours, with shapes')
-    return Clearance(robot, rows, bodies, None)
+    return Clearance(robot, rows)
 
 
 def link_pairs(robot: Robot, bodies: Bodies) -> list[tuple[str, str]]:

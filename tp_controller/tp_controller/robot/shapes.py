@@ -40,7 +40,8 @@ class Shape(NamedTuple):
     def geometry(self) -> coal.CollisionGeometry:
         """Make the shape for coal."""
         if self.kind == 'sphere':
-            return coal.Sphere(*self.size)
+            # coal 3.0.3 leads a Sphere out of a Cylinder by the side only.
+            return coal.Capsule(self.size[0], 0.0)
         if self.kind == 'capsule':
             return coal.Capsule(*self.size)
         if self.kind == 'cylinder':
@@ -61,6 +62,13 @@ class Shape(NamedTuple):
             ends = (-half, half) if half else (0.0,)
             points, radius = np.array([[0.0, 0.0, end] for end in ends]), self.size[0]
         return points @ self.pose.rotation.T + self.pose.translation, radius
+
+    def ends(self) -> tuple[Shape, ...]:
+        """Balls at the start and the end of a capsule; none of other shapes."""
+        if self.kind != 'capsule':
+            return ()
+        points, radius = self.hull()
+        return tuple(sphere(radius, point) for point in points)
 
     def moved(self, pose: pin.SE3) -> Shape:
         """Return the same shape as seen from a frame in which its own has that pose."""
