@@ -22,7 +22,7 @@ def test_a_goal_moves_the_ball_onto_the_arm_which_comes_out(loop):
     assert loop.record.error_norm['hand_position'][-1] < 0.01
     loop.send_goal('ball', [0.45, 0.0, 0.75])
     assert list(loop.client.task('ball').desired) == [0.45, 0.0, 0.75]
-    loop.run(2.0)
+    loop.run(4.0)
     assert loop.record.distance['ball'].min() < -0.01
     for name in clear:
         assert loop.record.distance[name][-1].min() >= 0.0, name
