@@ -154,7 +154,7 @@ def _dh_arm(values: Flat) -> tuple[Sequence[str], DHParameters, str | None, Limi
 
 def build_stack(robot: Robot, values: Flat) -> Stack:
     """Build the stack of checked values on a robot."""
-    tasks = [_task(name, robot, values) for name in task_names(values)]
+    tasks = [build_task(name, robot, values) for name in task_names(values)]
     solver = SOLVER_TYPES[values['solver.type']](
         robot.n,
         Inverse(*(values[f'solver.{key}'] for key in INVERSE)),
@@ -182,7 +182,14 @@ def _objective(robot: Robot, values: Flat) -> Objective | None:
     return objective
 
 
-def _task(name: str, robot: Robot, values: Flat) -> Task:
+def build_task(name: str, robot: Robot, values: Flat) -> Task:
+    """Build a task of checked values on a robot.
+
+    Raises
+    ------
+    InvalidValue
+        If they do not suit the robot.
+    """
     prefix = f'tasks.{name}.'
     own = {key.removeprefix(prefix): values[key] for key in values if key.startswith(prefix)}
     try:

@@ -233,11 +233,18 @@ def controller_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
     elif any(name.startswith(OBJECTIVE) for name in flat if flat[name] is not None):
         raise InvalidValue(key, NO_VALUE, schema[key].accepts)
     for name in task_names(flat):
-        schema |= _task_schema(name, flat)
+        schema |= task_schema(name, flat)
     return schema
 
 
-def _task_schema(name: str, flat: Mapping[str, Any]) -> dict[str, Parameter]:
+def task_schema(name: str, flat: Mapping[str, Any]) -> dict[str, Parameter]:
+    """Parameters of one task, by dotted key.
+
+    Raises
+    ------
+    InvalidValue
+        For a name that cannot stand in a topic name, or no known type.
+    """
     if not NAME.fullmatch(name):
         raise InvalidValue(
             f'tasks.{name}',

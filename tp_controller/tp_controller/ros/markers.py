@@ -45,6 +45,11 @@ class Markers:
         self._robot = robot
         self._state = state
         self._paths: dict[str, deque[Point]] = {}
+        self._shown = 0
+        self.follow_tasks(tasks)
+
+    def follow_tasks(self, tasks: Iterable[Task]) -> None:
+        """Show the obstacles among these tasks from now on."""
         self._obstacles = [task for task in tasks if isinstance(task, ObstacleTask)]
 
     def array(self, stamp: Time) -> MarkerArray:
@@ -73,6 +78,10 @@ class Markers:
             self._marker(stamp, 'target', 0, Marker.SPHERE_LIST, targets, 2.0 * width, ORANGE)
         )
         markers += [self._obstacle(stamp, i, task) for i, task in enumerate(self._obstacles)]
+        # Obstacles that have gone are taken away.
+        for i in range(len(self._obstacles), self._shown):
+            markers.append(self._marker(stamp, 'obstacle', i, Marker.SPHERE, [], 1.0, RED))
+        self._shown = len(self._obstacles)
         return MarkerArray(markers=markers)
 
     def _obstacle(self, stamp: Time, number: int, task: ObstacleTask) -> Marker:
