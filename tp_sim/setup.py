@@ -28,6 +28,7 @@ setup(
         'console_scripts': [
             'simulator = tp_sim.simulator_main:main',
             'compare = tp_sim.compare:main',
+            'stress = tp_sim.stress:main',
             'demo = tp_sim.demo.main:main',
             'description = tp_sim.description_main:main',
         ],

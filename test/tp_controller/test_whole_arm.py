@@ -11,6 +11,7 @@ from random_stacks import examples, states, vectors
 from small_arms import planar_block
 
 from tp_controller import InvalidValue, build_settings, read_parameter_file
+from tp_controller.config import check_addition
 from tp_controller.tasks import SelfCollisionTask, WholeArmTask
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
@@ -200,6 +201,25 @@ def test_links_without_shapes_want_some():
     error = refused({'wall': SPHERE}, robot={'link_radius': None})
     assert error.key == 'tasks.wall.links'
     assert 'robot.link_radius' in error.accepts
+
+
+def test_a_mesh_that_is_not_there_matters_to_tasks_that_need_it(tmp_path):
+    robot = '<robot name="a"><link name="foot"/><link name="arm"><collision><geometry>{}'
+    joint = '<joint name="j" type="continuous"><parent link="foot"/><child link="arm"/></joint>'
+    mesh = '<mesh filename="none.stl"/></geometry></collision></link>'
+    path = tmp_path / 'arm.urdf'
+    path.write_text(f'{robot.format(mesh)}{joint}</robot>')
+    block = {'robot': {'urdf': str(path)}, 'hierarchy': ['home'], 'tasks': {'home': {}}}
+    block['tasks']['home'] = {'type': 'posture'}
+    settings = build_settings(block)
+    wall = SPHERE | {'switching': 'hysteresis', 'activation': 0.1}
+    with pytest.raises(InvalidValue) as caught:
+        check_addition(settings, 'wall', wall, 0)
+    assert caught.value.key == 'robot.capsules.arm'
+    given = {'capsules': {'arm': [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1]}}
+    block['robot'] |= given
+    added = check_addition(build_settings(block), 'wall', wall, 0)
+    assert added.task.components == ('arm',)
 
 
 def test_capsules_of_ones_own_take_the_place_of_those_along_the_links():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import NamedTuple, NoReturn
 
@@ -146,6 +146,17 @@ class Stack:
     def _level_rows(self, tasks: Sequence[Task]) -> slice:
         return slice(self._rows[tasks[0].name].start, self._rows[tasks[-1].name].stop)
 
+    def add(self, task: Task) -> None:
+        """Load a task of a new name, outside the hierarchy."""
+        self.tasks[task.name] = task
+        if task.target_size:
+            self._unaimed.append(task)
+
+    def remove(self, name: str) -> None:
+        """Forget a task outside the hierarchy."""
+        task = self.tasks.pop(name)
+        self._unaimed = [other for other in self._unaimed if other is not task]
+
     def prepare_solver(self) -> None:
         """Tell the solver of the levels, and of their tasks' weights and inverses."""
         self.solver.prepare(self._members, self._jacobian_at)
@@ -162,7 +173,10 @@ class Stack:
         return self._J
 
     def check_hierarchy(
-        self, hierarchy: Sequence[str], damping: float | None = None
+        self,
+        hierarchy: Sequence[str],
+        damping: float | None = None,
+        tasks: Mapping[str, Task] | None = None,
     ) -> list[list[Task]]:
         """Tasks of every level.
 
@@ -172,6 +186,8 @@ class Stack:
             Task names by level, highest first.
         damping
             λ that the solver is to have; the present one when left out.
+        tasks
+            Tasks by name that it may have; the present ones when left out.
 
         Raises
         ------
@@ -179,8 +195,9 @@ class Stack:
             If there is no level, a name is unknown, a task stands twice or the solver
             cannot resolve the levels.
         """
-        levels = split_hierarchy(hierarchy, self.tasks)
-        members = [[self.tasks[name] for name in names] for names in levels]
+        tasks = self.tasks if tasks is None else tasks
+        levels = split_hierarchy(hierarchy, tasks)
+        members = [[tasks[name] for name in names] for names in levels]
         self.solver.check(members, damping)
         return members
 

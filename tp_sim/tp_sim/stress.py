@@ -13,7 +13,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -36,6 +36,7 @@ from tp_sim.settings import build_simulator_settings
 Vector = NDArray[np.float64]
 
 BROKEN, REFUSED, INTERRUPTED = 1, 2, 130
+SECONDS_PER_GOAL = 10.0
 REACHED = 0.01
 """Error [m] of a goal that is reached."""
 ROUNDING = 1e-9
@@ -49,7 +50,7 @@ class Outcome(NamedTuple):
 
     steps: int
     least_distance: float
-    """Of every task whose distances are kept [m, rad]; infinite if there is none."""
+    """Of every set-based task [m, rad]; infinite if there is none."""
     least_room: float
     """Of every joint from the nearer end of its range [rad, m]."""
     speed: float
@@ -140,9 +141,13 @@ def run_schemes(
 
 
 def run(
-    values: dict[str, Any], q: Vector, steps: int, seed: int = 0, seconds_per_goal: float = 10.0
+    values: dict[str, Any],
+    q: Vector,
+    steps: int,
+    seed: int = 0,
+    targets: Iterable[Sequence[Vector]] | None = None,
 ) -> Outcome:
-    """Send an arm to random goals.
+    """Send an arm to goals, with a new one every 10 s.
 
     Parameters
     ----------
@@ -154,8 +159,8 @@ def run(
         How many steps.
     seed
         Of the random goals.
-    seconds_per_goal
-        Time [s] after which there is a new goal.
+    targets
+        Goals of all position tasks, one after the other, in place of random ones.
 
     Raises
     ------
@@ -169,10 +174,12 @@ def run(
         raise InvalidValue('rate', 'no value', 'a number above 0')
     if not goals:
         raise InvalidValue('tasks', 'no position task', 'one that is sent to random goals')
-    elsewhere = build_robot(read_parameters(values))
-    places = _places(elsewhere, goals, np.random.default_rng(seed))
+    if targets is None:
+        elsewhere = build_robot(read_parameters(values))
+        targets = _places(elsewhere, goals, np.random.default_rng(seed))
+    places = iter(targets)
     watch = Watch(stack)
-    started, every = time.perf_counter(), round(seconds_per_goal / period)
+    started, every = time.perf_counter(), round(SECONDS_PER_GOAL / period)
     for i in range(steps):
         if i % every == 0:
             watch.count_goal(goals if i else ())
@@ -210,8 +217,11 @@ class Watch:
 
     def __init__(self, stack: Stack) -> None:
         self._stack = stack
-        self._kept = [task for task in stack.tasks.values() if task.name in stack.guard.kept]
-        self._sets = [task for task in stack.tasks.values() if isinstance(task, SetBasedTask)]
+        self._sets = [
+            task
+            for task in stack.tasks.values()
+            if isinstance(task, SetBasedTask) and stack.level_of(task.name) >= 0
+        ]
         self._acted = [task.acting.copy() for task in self._sets]
         self._before = np.zeros(stack.robot.n)
         self.steps = self.activations = self.braked = self.goals = self.reached = 0
@@ -222,8 +232,7 @@ class Watch:
         """Take note of a configuration and of the command (n,) that answers it."""
         limits, guard = self._stack.robot.limits, self._stack.guard
         self.steps += 1
-        for task in self._kept:
-            assert isinstance(task, SetBasedTask)
+        for task in self._sets:
             self.distance = min(self.distance, float(task.distance.min()))
         room = np.minimum(q - limits.position_min, limits.position_max - q)
         self.room = min(self.room, float(room.min()))

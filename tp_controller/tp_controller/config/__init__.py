@@ -1,5 +1,6 @@
 """From the dictionary of a parameter file to a robot, tasks and a stack."""
 
+from tp_controller.config.additions import check_addition, check_removal, remove
 from tp_controller.config.build import (
     Settings,
     build_robot,
@@ -18,12 +19,15 @@ __all__ = [
     'build_robot',
     'build_settings',
     'build_stack',
+    'check_addition',
     'check_changes',
+    'check_removal',
     'controller_schema',
     'describe_robot',
     'read_blocks',
     'read_parameter_file',
     'read_parameters',
+    'remove',
     'robot_source',
     'shared_schema',
 ]

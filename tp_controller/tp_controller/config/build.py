@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from tp_controller.config.schema import (
@@ -13,7 +14,6 @@ from tp_controller.config.schema import (
     REST,
     URDF,
     controller_schema,
-    needs_bodies,
     robot_source,
     task_names,
 )
@@ -141,7 +141,7 @@ def build_robot(values: Flat, received: str | None = None) -> Robot:
     rest = {key.removeprefix(REST): values[key] for key in values if key.startswith(REST)}
     try:
         robot = urdf_robot(text, values['robot.joints'], values['robot.base_frame'], limits, rest)
-        return _clad(robot, text if needs_bodies(values) else None, values)
+        return _clad(robot, text, values)
     except InvalidValue as error:
         if error.key == URDF and source != URDF:
             raise InvalidValue(DESCRIPTION, error.got, error.accepts) from None
@@ -149,9 +149,13 @@ def build_robot(values: Flat, received: str | None = None) -> Robot:
 
 
 def _clad(robot: Robot, description: str | None, values: Flat) -> Robot:
-    """Give a robot the shapes of its links."""
-    given = {key.removeprefix(CAPSULES): values[key] for key in values if key.startswith(CAPSULES)}
-    robot.bodies = robot_bodies(robot, description, values[LINK_RADIUS], given)
+    """Let a robot know the shapes of its links; meshes are read when a task needs them."""
+    capsules = {
+        key.removeprefix(CAPSULES): values[key] for key in values if key.startswith(CAPSULES)
+    }
+    radius = values[LINK_RADIUS]
+    robot_bodies(robot, None, radius, capsules)
+    robot.body_source = partial(robot_bodies, robot, description, radius, capsules)
     return robot
 
 
@@ -165,7 +169,7 @@ def _dh_arm(values: Flat) -> tuple[Sequence[str], DHParameters, str | None, Limi
 
 def build_stack(robot: Robot, values: Flat) -> Stack:
     """Build the stack of checked values on a robot."""
-    tasks = [_task(name, robot, values) for name in task_names(values)]
+    tasks = [build_task(name, robot, values) for name in task_names(values)]
     solver = SOLVER_TYPES[values['solver.type']](
         robot.n,
         Inverse(*(values[f'solver.{key}'] for key in INVERSE)),
@@ -193,7 +197,14 @@ def _objective(robot: Robot, values: Flat) -> Objective | None:
     return objective
 
 
-def _task(name: str, robot: Robot, values: Flat) -> Task:
+def build_task(name: str, robot: Robot, values: Flat) -> Task:
+    """Build a task of checked values on a robot.
+
+    Raises
+    ------
+    InvalidValue
+        If they do not suit the robot.
+    """
     prefix = f'tasks.{name}.'
     own = {key.removeprefix(prefix): values[key] for key in values if key.startswith(prefix)}
     try:
@@ -207,5 +218,6 @@ def _task(name: str, robot: Robot, values: Flat) -> Task:
         if own.get('target') is not None:
             task.target = own['target']
     except InvalidValue as error:
-        raise error.under(f'tasks.{name}') from None
+        # The shapes of links are the robot's.
+        raise (error if error.key.startswith('robot.') else error.under(f'tasks.{name}')) from None
     return task

@@ -20,7 +20,7 @@ from tp_controller.parameters import (
 from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
 from tp_controller.robot.dh import CONVENTIONS, JOINT_TYPES
 from tp_controller.solvers import DEFAULT, INVERSES, SATURATIONS, SOLVER_TYPES
-from tp_controller.tasks import COMMON, TASK_TYPES, SelfCollisionTask
+from tp_controller.tasks import COMMON, TASK_TYPES
 
 URDF = 'robot.urdf'
 DESCRIPTION = 'robot_description'
@@ -220,17 +220,6 @@ def task_names(flat: Mapping[str, Any]) -> list[str]:
     return list(dict.fromkeys(key.split('.')[1] for key in flat if key.startswith('tasks.')))
 
 
-def needs_bodies(flat: Mapping[str, Any]) -> bool:
-    """Whether any task needs the shapes of the robot's links."""
-    return any(
-        flat[key] == SelfCollisionTask.type
-        if key.endswith('.type')
-        else key.endswith('.whole_arm') and flat[key]
-        for key in flat
-        if key.startswith('tasks.')
-    )
-
-
 def controller_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
     """Parameters of a controller with the tasks that the values name.
 
@@ -254,11 +243,18 @@ def controller_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
     elif any(name.startswith(OBJECTIVE) for name in flat if flat[name] is not None):
         raise InvalidValue(key, NO_VALUE, schema[key].accepts)
     for name in task_names(flat):
-        schema |= _task_schema(name, flat)
+        schema |= task_schema(name, flat)
     return schema
 
 
-def _task_schema(name: str, flat: Mapping[str, Any]) -> dict[str, Parameter]:
+def task_schema(name: str, flat: Mapping[str, Any]) -> dict[str, Parameter]:
+    """Parameters of one task, by dotted key.
+
+    Raises
+    ------
+    InvalidValue
+        For a name that cannot stand in a topic name, or no known type.
+    """
     if not NAME.fullmatch(name):
         raise InvalidValue(
             f'tasks.{name}',

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -93,8 +94,8 @@ class Robot:
         self.base: Frame = Frame.standing(base_frame, self.n)
         """The base frame itself, which never moves."""
         self._lines = lines
-        self.bodies: Mapping[str, tuple[Shape, ...]] = {}
-        """The shapes of links, by `robot_bodies`; none until they are set."""
+        self.body_source: Callable[[], Mapping[str, tuple[Shape, ...]]] = dict
+        """Makes `bodies` when they are first asked for."""
         self.update(self._q)
 
     @property
@@ -106,6 +107,11 @@ class Robot:
     def data(self) -> pin.Data:
         """Pinocchio's results at the present configuration, not to be written to."""
         return self._data
+
+    @cached_property
+    def bodies(self) -> Mapping[str, tuple[Shape, ...]]:
+        """Shapes of the links, see `robot_bodies`; none without a `body_source`."""
+        return self.body_source()
 
     @property
     def frames(self) -> tuple[str, ...]:

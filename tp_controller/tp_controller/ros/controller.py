@@ -12,6 +12,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter as RosParameter
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from visualization_msgs.msg import MarkerArray
@@ -31,6 +32,7 @@ from tp_controller.ros.markers import Markers
 from tp_controller.ros.parameters import ROS_OWN, describe_parameters
 from tp_controller.ros.robot_node import HEARTBEAT, RobotNode
 from tp_controller.ros.state import StateMessage, field_view
+from tp_controller.ros.task_services import TaskServices
 from tp_controller.tasks import Task
 from tp_interfaces.msg import ControllerState
 
@@ -77,17 +79,9 @@ class ControllerNode(RobotNode):
         self._last_heartbeat = 0.0
 
         self._make_command_publisher(values['command.type'])
+        self._inputs: dict[str, list[Subscription]] = {}
         for task in self._stack.tasks.values():
-            for types, topic, callback in (
-                (GOAL_TYPES, 'goal', self._on_goal),
-                (FEEDFORWARD_TYPES, 'feedforward', self._on_feedforward),
-            ):
-                if task.type in types:
-                    self.create_subscription(
-                        types[task.type], f'~/{task.name}/{topic}', partial(callback, task), 10
-                    )
-            for warning in task.warnings:
-                self.get_logger().warning(warning)
+            self._listen(task)
         self.create_subscription(JointState, 'joint_states', self._on_joint_state, QUEUE_DEPTH)
         self._stale_after = values['timeouts.joint_state']
         self.create_timer(
@@ -100,9 +94,11 @@ class ControllerNode(RobotNode):
         self.create_timer(
             MARKER_PERIOD, self._publish_markers, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
+        self._declaring = False
         self._pending_changes: Callable[[], None] | None = None
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
+        TaskServices(self, self._settings, self._on_task_added, self._on_task_removed)
         self.get_logger().info(f'waiting for joint states; tasks by level: {self._levels()}')
 
     def stop(self) -> None:
@@ -114,6 +110,44 @@ class ControllerNode(RobotNode):
 
     def _levels(self) -> str:
         return ', '.join(self._stack.hierarchy)
+
+    def _listen(self, task: Task) -> None:
+        """Take goals and feedforwards of a task."""
+        self._inputs[task.name] = [
+            self.create_subscription(
+                types[task.type], f'~/{task.name}/{topic}', partial(callback, task), 10
+            )
+            for types, topic, callback in (
+                (GOAL_TYPES, 'goal', self._on_goal),
+                (FEEDFORWARD_TYPES, 'feedforward', self._on_feedforward),
+            )
+            if task.type in types
+        ]
+        for warning in task.warnings:
+            self.get_logger().warning(warning)
+
+    def _on_task_added(self, task: Task) -> None:
+        self._schema = controller_schema(self._settings.values)
+        own = {key: p for key, p in self._schema.items() if key.startswith(f'tasks.{task.name}.')}
+        self._declaring = True
+        describe_parameters(self, own, self._settings.values, lasting=False)
+        self._declaring = False
+        self._listen(task)
+        self._follow_tasks()
+
+    def _on_task_removed(self, task: Task, keys: Sequence[str]) -> None:
+        self._schema = controller_schema(self._settings.values)
+        for key in keys:
+            if self.has_parameter(key):
+                self.undeclare_parameter(key)
+        for subscription in self._inputs.pop(task.name):
+            self.destroy_subscription(subscription)
+        self._feedforwards.forget(task)
+        self._follow_tasks()
+
+    def _follow_tasks(self) -> None:
+        self._state.follow_tasks()
+        self._markers.follow_tasks(self._stack.tasks.values())
 
     # Cycle
 
@@ -239,6 +273,8 @@ class ControllerNode(RobotNode):
     # Parameters
 
     def _check_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
+        if self._declaring:
+            return SetParametersResult(successful=True)
         changes = {p.name: p.value for p in parameters if not p.name.startswith(ROS_OWN)}
         try:
             self._pending_changes = check_changes(self._settings, self._schema, changes)

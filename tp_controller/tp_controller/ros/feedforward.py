@@ -38,6 +38,10 @@ class FeedforwardOverrides:
         """Let the task's feedforward, just set, hold from the next joint state on."""
         self._ends[task] = None
 
+    def forget(self, task: Task) -> None:
+        """Let a task's feedforward be."""
+        self._ends.pop(task, None)
+
     def expire(self, stamp: Time) -> None:
         """Give every task whose feedforward is too old its configured value back.
 

@@ -48,6 +48,11 @@ class Markers:
         self._robot = robot
         self._state = state
         self._paths: dict[str, deque[Point]] = {}
+        self._shown: dict[str, int] = {}
+        self.follow_tasks(tasks)
+
+    def follow_tasks(self, tasks: Iterable[Task]) -> None:
+        """Show the obstacles among these tasks from now on, and the links if any needs them."""
         tasks = list(tasks)
         self._obstacles = [task for task in tasks if isinstance(task, ObstacleTask | WholeArmTask)]
         self._shows_bodies = any(isinstance(task, ClearanceTask) for task in tasks)
@@ -83,8 +88,13 @@ class Markers:
                 markers += [self._named(marker, stamp, 'obstacle', i, RED) for marker in found]
             else:
                 markers.append(self._obstacle(stamp, i, task))
-        if self._shows_bodies:
-            markers += self._bodies(stamp)
+        bodies = self._bodies(stamp) if self._shows_bodies else []
+        markers += bodies
+        # What has gone with its task is taken away.
+        for name, count in (('obstacle', len(self._obstacles)), ('body', len(bodies))):
+            for i in range(count, self._shown.get(name, 0)):
+                markers.append(self._marker(stamp, name, i, Marker.SPHERE, [], 1.0, RED))
+            self._shown[name] = count
         return MarkerArray(markers=markers)
 
     def _bodies(self, stamp: Time) -> list[Marker]:

@@ -26,15 +26,19 @@ def given_parameters(node: Node) -> Flat:
 
 
 def describe_parameters(
-    node: Node, schema: Mapping[str, Parameter], values: Mapping[str, Any]
+    node: Node, schema: Mapping[str, Parameter], values: Mapping[str, Any], lasting: bool = True
 ) -> None:
-    """Give every parameter of a schema its description, and its value if it has none yet."""
+    """Give every parameter of a schema its description, and its value if it has none yet.
+
+    Those that do not last as long as the node are not marked read-only: ROS 2 would not let
+    them go. Changes are checked all the same.
+    """
     for key, parameter in schema.items():
         descriptor = ParameterDescriptor(
             name=key,
             description=parameter.description,
             additional_constraints=parameter.accepts,
-            read_only=not parameter.runtime,
+            read_only=lasting and not parameter.runtime,
             dynamic_typing=True,
         )
         value = values[key]

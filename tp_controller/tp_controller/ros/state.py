@@ -54,14 +54,22 @@ class StateMessage:
         self.msg.joint_names = list(robot.joints)
         self._position = field_view(self.msg, 'position', robot.n, math.nan)
         self._command = field_view(self.msg, 'command', robot.n)
-        self._tasks = {name: _TaskMessage(task) for name, task in stack.tasks.items()}
-        self.msg.tasks = [entry.msg for entry in self._tasks.values()]
+        self._tasks: dict[str, _TaskMessage] = {}
         self._explained = -math.inf
-        self.follow_hierarchy()
+        self.follow_tasks()
 
     def task(self, name: str) -> TaskState:
         """Part of the message about one task."""
         return self._tasks[name].msg
+
+    def follow_tasks(self) -> None:
+        """Take over tasks that have come or gone."""
+        known = self._tasks
+        self._tasks = {
+            name: known.get(name) or _TaskMessage(task) for name, task in self._stack.tasks.items()
+        }
+        self.msg.tasks = [entry.msg for entry in self._tasks.values()]
+        self.follow_hierarchy()
 
     def follow_hierarchy(self) -> None:
         """Take over levels after the stack's hierarchy has changed."""

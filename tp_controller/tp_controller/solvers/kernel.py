@@ -394,6 +394,15 @@ def shorten(qd, limit):  # type: ignore[no-untyped-def]
     return 1.0 / excess
 
 
+@njit(float64(COLUMN, FIXED, FIXED), cache=True)
+def outside(qd, lower, upper):  # type: ignore[no-untyped-def]
+    """By how much the component that is farthest outside its bounds (n,) is; else at most 0."""
+    farthest = -math.inf
+    for i in range(qd.size):
+        farthest = max(farthest, qd[i] - upper[i], lower[i] - qd[i])
+    return farthest
+
+
 def workspace(rows: int, n: int) -> np.ndarray:
     """Space for up to ``rows`` rows in all and n joints."""
     size = max(rows, n, 3)

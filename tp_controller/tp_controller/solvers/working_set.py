@@ -91,9 +91,12 @@ class WorkingSet:
         near = self._one_sided
         if near.size:
             near = near[self._J[near].any(axis=1)]
-        if near.size or bounds.ranged:
+        if near.size or (bounds.ranged and self._outside(qd, bounds) > BROKEN):
             scale = self._bring_in(near, bounds, qd, scale)
         return scale
+
+    def _outside(self, qd: Vector, bounds: Bounds) -> float:
+        return self._kernel.outside(qd, bounds.range_lower, bounds.range_upper)
 
     def _bring_in(
         self, near: NDArray[np.int64], bounds: Bounds, qd: Vector, scale: float

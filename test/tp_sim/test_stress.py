@@ -1,0 +1,112 @@
+"""Long runs to random goals: no limit is ever broken. The full length is in docs/safety.md."""
+
+import itertools
+import subprocess
+
+import numpy as np
+import pytest
+from ament_index_python.packages import get_package_prefix
+
+from tp_controller import InvalidValue, read_parameter_file
+from tp_controller.solvers import SOLVER_TYPES
+from tp_sim.settings import build_simulator_settings
+from tp_sim.stress import run
+
+STEPS = 6000
+SQUARE = ('extended_jacobian', 'projected_gradient')
+"""Schemes that take no bounds, or need an objective."""
+SCHEMES = [name for name in SOLVER_TYPES if name not in SQUARE]
+
+
+def parameters(path):
+    start = build_simulator_settings(read_parameter_file(path, 'tp_sim')).integrator.q
+    return read_parameter_file(path, 'tp_controller'), start
+
+
+@pytest.mark.parametrize('scheme', SCHEMES)
+@pytest.mark.parametrize('name', ['b1_obstacles', 'b2_joint_limits', 'b3_pressed'])
+def test_no_limit_is_ever_broken(config, name, scheme):
+    values, start = parameters(config / f'{name}.yaml')
+    values |= {'solver.type': scheme}
+    if name == 'b2_joint_limits':
+        values['tasks.joint_1_range.switching'] = 'smooth'
+        del values['tasks.joint_1_range.release']
+    seen = run(values, start, STEPS, seed=1)
+    assert seen.steps == STEPS
+    assert seen.least_distance >= 0.0
+    assert seen.least_room >= 0.0
+    assert seen.speed <= 1.0
+    assert seen.acceleration <= 1.0 + 1e-9
+    assert not seen.broken
+
+
+@pytest.mark.parametrize('saturation', ['uniform', 'null_space'])
+def test_both_saturations_keep_the_limits_and_hardly_ever_need_the_last_check(config, saturation):
+    values, start = parameters(config / 'b3_pressed.yaml')
+    seen = run(values | {'solver.saturation': saturation}, start, 3 * STEPS)
+    assert not seen.broken
+    assert seen.braked < 0.02 * seen.steps
+    assert seen.activations > 10
+
+
+def pressed(config, switching, **changes):
+    """A minute pressed against a circle and the end of a range."""
+    values, start = parameters(config / 'b3_pressed.yaml')
+    for name in ('joint_1_range', 'obstacle_1', 'obstacle_2', 'obstacle_3'):
+        values[f'tasks.{name}.switching'] = switching
+    goal = [np.array([-0.2, 1.1])]
+    return run(values | changes, start, 3600, targets=itertools.repeat(goal))
+
+
+def test_smooth_switching_does_not_chatter(config):
+    seen = pressed(config, 'smooth')
+    assert seen.activations == 2
+    assert seen.acceleration <= 1.0 + 1e-9
+    assert seen.braked == 0
+    assert seen.least_distance > 0.0
+
+
+def test_hysteresis_does(config):
+    assert pressed(config, 'hysteresis').activations > 50
+
+
+def test_a_run_that_breaks_a_limit_says_so(config):
+    """Hysteresis at the boundary itself goes deep into the circles."""
+    values, start = parameters(config / 'b1_obstacles.yaml')
+    for i in (1, 2, 3):
+        task = f'tasks.obstacle_{i}'
+        values |= {f'{task}.switching': 'hysteresis', f'{task}.activation': 1e-9}
+        values[f'{task}.release'] = 0.05
+    seen = run(values, start, 3 * STEPS)
+    assert seen.broken
+    assert seen.least_distance < -0.005
+
+
+@pytest.mark.parametrize(
+    ('change', 'key'), [({'rate': None}, 'rate'), ({'hierarchy': ['joint_1_position']}, 'tasks')]
+)
+def test_what_cannot_be_run_is_refused(config, change, key):
+    name = 'a4_position_joint' if 'hierarchy' in change else 'a1_position'
+    values, start = parameters(config / f'{name}.yaml')
+    if 'hierarchy' in change:
+        kept = {key: value for key, value in values.items() if 'ee_position' not in key}
+        values = kept | {'rate': 60.0}
+    with pytest.raises(InvalidValue) as caught:
+        run(values | change, start, 10)
+    assert caught.value.key == key
+
+
+def test_the_command_prints_a_table_and_its_status_tells(config):
+    executable = f'{get_package_prefix("tp_sim")}/lib/tp_sim/stress'
+
+    def call(*arguments):
+        command = [executable, *map(str, arguments)]
+        return subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+
+    fine = call('--config', config / 'b3_pressed.yaml', '--steps', 500)
+    assert fine.returncode == 0, fine.stderr
+    assert 'b3_pressed.yaml: 500 steps to random goals' in fine.stdout
+    assert 'least distance' in fine.stdout
+    refused = call('--config', config / 'a1_position.yaml', '--steps', 500)
+    assert (refused.returncode, refused.stdout) == (2, '')
+    assert refused.stderr == 'stress: rate: got no value; accepts a number above 0\n'

@@ -1,0 +1,122 @@
+"""Tasks added to a running controller and removed from it, over real services."""
+
+import pytest
+from rcl_interfaces.srv import GetParameters
+from visualization_msgs.msg import MarkerArray
+
+from tp_interfaces.srv import AddTask, RemoveTask
+from tp_sim.harness import ClosedLoop
+
+BALL = '{type: obstacle, frame: link_3, axes: xy, center: [-0.1, 0.4], radius: 0.2}'
+
+
+@pytest.fixture(scope='module')
+def loop(config):
+    with ClosedLoop(config / 'b1_obstacles.yaml') as loop:
+        yield loop
+
+
+def add(loop, name='ball', parameters=BALL, level=0):
+    request = AddTask.Request(name=name, parameters=parameters, level=level)
+    return loop.client.call(AddTask, 'tp_controller/add_task', request)
+
+
+def remove(loop, name='ball'):
+    return loop.client.call(RemoveTask, 'tp_controller/remove_task', RemoveTask.Request(name=name))
+
+
+def hierarchy(loop):
+    request = GetParameters.Request(names=['hierarchy'])
+    response = loop.client.call(GetParameters, 'tp_controller/get_parameters', request)
+    return list(response.values[0].string_array_value)
+
+
+def names(loop):
+    return [task.name for task in loop.client.state.tasks]
+
+
+def test_an_obstacle_comes_moves_and_goes_while_the_arm_runs(loop):
+    loop.reset()
+    loop.send_goal('ee_position', [-0.1, 0.4])
+    loop.run(6.0)
+    inside = loop.client.task('ee_position').error_norm
+    before = names(loop)
+    response = add(loop)
+    assert (response.success, response.message) == (True, '')
+    loop.step(1)
+    ball = loop.client.task('ball')
+    assert ball.level == 0
+    assert ball.enabled
+    assert hierarchy(loop)[0] == 'ball'
+    loop.run(6.0)
+    assert loop.client.task('ball').distance[0] > 0.0
+    assert loop.client.task('ee_position').error_norm > max(inside, 0.15)
+    loop.send_goal('ball', [-0.5, 0.2])
+    assert list(loop.client.task('ball').desired) == [-0.5, 0.2]
+    assert remove(loop).success
+    loop.run(6.0)
+    assert names(loop) == before
+    assert loop.client.task('ee_position').error_norm == pytest.approx(inside, abs=0.01)
+    assert add(loop, level=4).success
+    loop.step(1)
+    assert loop.client.task('ball').level == 4
+    assert remove(loop).success
+
+
+def test_the_parameters_of_an_added_task_come_and_go_with_it(loop):
+    assert add(loop, level=-1).success
+    loop.step(1)
+    assert loop.client.task('ball').level == -1
+    loop.set_parameters({'tasks.ball.gain': [2.0]})
+    with pytest.raises(Exception, match='a change while running'):
+        loop.set_parameters({'tasks.ball.radius': 0.3})
+    assert remove(loop).success
+    with pytest.raises(Exception, match='unknown parameter'):
+        loop.set_parameters({'tasks.ball.gain': [2.0]})
+
+
+def test_markers_of_an_obstacle_go_with_it(loop):
+    def obstacles():
+        arrays = loop.client.collect(MarkerArray, 'tp_controller/markers')
+        loop.client.wait_for(lambda: bool(arrays), 'markers')
+        return [m for m in arrays[-1].markers if m.ns == 'obstacle' and m.action == m.ADD]
+
+    assert len(obstacles()) == 3
+    assert add(loop).success
+    assert len(obstacles()) == 4
+    assert remove(loop).success
+    assert len(obstacles()) == 3
+
+
+@pytest.mark.parametrize(
+    ('changes', 'message'),
+    [
+        ({'name': 'obstacle_1'}, 'tasks.obstacle_1: got a second task of that name'),
+        ({'name': 'a b'}, "tasks.a b: got a task called 'a b'"),
+        ({'parameters': ''}, "parameters: got ''; accepts YAML of a task"),
+        ({'parameters': '{type: ['}, 'parameters: got '),
+        ({'parameters': '{type: ball}'}, "tasks.ball.type: got 'ball'; accepts one of"),
+        ({'parameters': BALL.replace('0.2}', '-0.2}')}, 'tasks.ball.radius: got -0.2'),
+        ({'parameters': BALL.replace('link_3', 'hand')}, "tasks.ball.frame: got 'hand'"),
+        ({'level': 9}, 'level: got 9; accepts -1 (idle) or 0 (highest) to 4 (lowest)'),
+    ],
+)
+def test_what_cannot_be_added_is_refused_and_changes_nothing(loop, changes, message):
+    before = names(loop)
+    response = add(loop, **changes)
+    assert not response.success
+    assert response.message.startswith(message)
+    assert '\n' not in response.message
+    loop.step(1)
+    assert names(loop) == before
+
+
+def test_what_cannot_be_removed_is_refused(loop):
+    response = remove(loop, 'cube')
+    assert not response.success
+    assert response.message.startswith("name: got 'cube'; accepts one of obstacle_1")
+    loop.set_parameters({'hierarchy': ['ee_position']})
+    response = remove(loop, 'ee_position')
+    assert 'the only task of the hierarchy' in response.message
+    loop.set_parameters({'hierarchy': ['obstacle_1', 'ee_position']})
+    assert names(loop)[-1] == 'ee_position'

@@ -1,0 +1,107 @@
+"""Tasks that come and go while running: checked as a whole, then made as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from tp_controller.config.build import Settings, build_task
+from tp_controller.config.schema import task_schema
+from tp_controller.errors import InvalidValue, listed, shown
+from tp_controller.parameters import Flat, flatten, read_all
+from tp_controller.stack import Stack
+from tp_controller.tasks import Task
+
+IDLE = -1
+"""Level of a task outside the hierarchy."""
+
+
+class Addition(NamedTuple):
+    """A task that can be added; nothing has changed yet."""
+
+    settings: Settings
+    task: Task
+    values: Flat
+    """Its parameters by dotted key, defaults filled in."""
+    hierarchy: tuple[str, ...]
+    """Levels with the task among them."""
+
+    def load(self) -> None:
+        """Load the task, still outside the hierarchy."""
+        self.settings.stack.add(self.task)
+        self.settings.values.update(self.values)
+
+
+def check_addition(
+    settings: Settings, name: str, parameters: Mapping[str, Any], level: int
+) -> Addition:
+    """Check a task that is to be added.
+
+    Parameters
+    ----------
+    settings
+        What the controller runs on.
+    name
+        Name of the task.
+    parameters
+        What stands under ``tasks.<name>`` in a parameter file.
+    level
+        List position in the hierarchy that its own new level gets, 0 for the highest; -1 to
+        leave it idle.
+
+    Raises
+    ------
+    InvalidValue
+        If there is such a task already, or anything about it cannot be used.
+    """
+    stack = settings.stack
+    if name in stack.tasks:
+        raise InvalidValue(f'tasks.{name}', 'a second task of that name', 'a new name')
+    key = f'tasks.{name}'
+    flat = flatten(parameters, f'{key}.')
+    values = read_all(flat, task_schema(name, flat))
+    task = build_task(name, stack.robot, settings.values | values)
+    values[f'{key}.feedforward'] = tuple(task.feedforward)
+    levels = list(stack.hierarchy)
+    if not IDLE <= level <= len(levels):
+        accepts = f'-1 (idle) or 0 (highest) to {len(levels)} (lowest)'
+        raise InvalidValue('level', str(level), accepts)
+    if level != IDLE:
+        levels.insert(level, name)
+        stack.check_hierarchy(levels, tasks=stack.tasks | {name: task})
+    return Addition(settings, task, values, tuple(levels))
+
+
+def check_removal(stack: Stack, name: str) -> tuple[str, ...]:
+    """Levels that remain without a task; nothing has changed yet.
+
+    Raises
+    ------
+    InvalidValue
+        If there is no such task, or the others cannot be resolved without it.
+    """
+    if name not in stack.tasks:
+        raise InvalidValue('name', shown(name), f'one of {listed(stack.tasks)}')
+    levels = []
+    for level in stack.hierarchy:
+        names = [other for other in level.split(' + ') if other != name]
+        levels += [' + '.join(names)] if names else []
+    if not levels:
+        raise InvalidValue('name', f'{name}, the only task of the hierarchy', 'another one')
+    stack.check_hierarchy(levels)
+    return tuple(levels)
+
+
+def remove(settings: Settings, name: str) -> list[str]:
+    """Forget a task that is not in the hierarchy.
+
+    Returns
+    -------
+    list
+        Keys of its parameters.
+    """
+    settings.stack.remove(name)
+    keys = [key for key in settings.values if key.startswith(f'tasks.{name}.')]
+    for key in keys:
+        del settings.values[key]
+    return keys
