@@ -13,7 +13,7 @@ from tp_controller.errors import InvalidValue, listed, shown
 
 STATES = 100
 """So many joint states are counted to find their rate."""
-SLOW = 0.9
+SLOW = 0.8
 """A rate below this share of the configured one is told."""
 
 
