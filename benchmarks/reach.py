@@ -39,8 +39,6 @@ LATE = 40.0
 """Time [s] after which a run that has not arrived is given up."""
 CLOSE = np.array([1e-3, np.radians(0.1)])
 """Largest distance [m] and angle [rad] of a goal that is reached."""
-PUSH = 1e-6
-"""Speed [rad/s] of a command beyond which it presses a joint against its end."""
 CHUNK = 10
 
 ARRIVED, SLOW, LIMIT, SINGULAR, OTHER = 'arrived', 'late', 'end', 'singular', 'other'
@@ -108,30 +106,30 @@ class Pursuit:
 
     def __init__(self, stack: Stack, start: np.ndarray, limits: Limits, dt: float) -> None:
         self._stack = stack
+        stack.robot.limits = limits
+        stack.rest()
         self._joints = Integrator(start, limits)
         self._dt = dt
         self._time = 0.0
         self._aims = [task for task in stack.tasks.values() if not isinstance(task, PostureTask)]
         self._aims = [task for task in self._aims if stack.level_of(task.name) >= 0]
         self.stopped = False
-        """Whether a joint came to an end of its range."""
+        """Whether a joint was held at an end of its range."""
 
     def run(self, until: float) -> bool:
         """Go on to a time [s]; return whether the goal is reached then."""
         for _ in range(round((until - self._time) / self._dt)):
             command = self._stack.step(self._joints.q).command
             self._joints.step(command, self._dt)
-            self.stopped = self.stopped or not np.array_equal(self._joints.qd, command)
+            self.stopped = self.stopped or bool(self._stack.solver.held.any())
         self._time = until
-        self._command = self._stack.step(self._joints.q).command
+        self._stack.step(self._joints.q)
         errors = np.concatenate([_error(task) for task in self._aims])
         return bool(np.all(errors <= np.concatenate([_tolerance(task) for task in self._aims])))
 
     def cause(self) -> str:
         """Why the arm rests, or wanders, where it is."""
-        q, limits = self._joints.q, self._joints.limits
-        low, high = q <= limits.position_min, q >= limits.position_max
-        if np.any(low & (self._command < -PUSH) | high & (self._command > PUSH)):
+        if self._stack.solver.held.any():
             return LIMIT
         J = np.vstack([task.J for task in self._aims])
         damped = self._stack.solver.inverse.region
@@ -204,7 +202,7 @@ def run(arms: Sequence[str], count: int) -> None:
     console.print(table)
     console.print(
         f'{count} draws per arm; position alone: within 1 mm. Not reached in time: late, there '
-        f'after {LATE:g} s; end, the command presses a joint against the end of its range; '
+        f'after {LATE:g} s; end, a joint is held at the end of its range; '
         'singular, in the region where damping acts. No ends: the same draws where joints have '
         'speeds but no ends. From it: the same goals from the posture.'
     )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tp_controller import build_settings, read_parameter_file
+from tp_controller.robot import Limits
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
 ARMS = ('panda', 'ur5', 'kinova')
@@ -24,19 +25,16 @@ def read(name, hierarchy=None):
     return stack, np.array(simulator['initial_positions']), 1.0 / simulator['rate']
 
 
-def pursue(stack, tasks, q, dt, seconds, tolerance, ends=True):
-    """Whether tasks come near their targets in time, and the configuration (n,) then.
-
-    The joints follow the stack inside their ranges, or in ranges without ends.
-    """
+def pursue(stack, tasks, q, dt, seconds, tolerance):
+    """Whether tasks come near their targets in time, and the configuration (n,) then."""
     limits = stack.robot.limits
-    lower, upper = (limits.position_min, limits.position_max) if ends else (-np.inf, np.inf)
     for _ in range(round(seconds / dt)):
         command = stack.step(q).command
         assert np.all(np.abs(command) <= limits.velocity)
         if all(np.linalg.norm(task.error) < tolerance for task in tasks):
             return True, q
-        q = np.clip(q + dt * command, lower, upper)
+        q = q + dt * command
+        assert np.all((limits.position_min <= q) & (q <= limits.position_max))
     return False, q
 
 
@@ -93,9 +91,11 @@ def test_posture_and_start_are_inside_the_ranges_and_away_from_singularities(arm
 def test_random_positions_are_reached_from_random_starts_without_ends_of_the_ranges(arm):
     stack, position, _, dt = position_stack(arm)
     count = 0
-    for start, goal in draws(stack.robot):
+    goals = draws(stack.robot)
+    stack.robot.limits = Limits(stack.robot.n, velocity=stack.robot.limits.velocity)
+    for start, goal in goals:
         aim_at(stack, position, goal)
-        reached, _ = pursue(stack, [position], start, dt, 10.0, 1e-3, ends=False)
+        reached, _ = pursue(stack, [position], start, dt, 10.0, 1e-3)
         count += reached
     assert count >= 0.95 * GOALS
 

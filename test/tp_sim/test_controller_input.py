@@ -148,3 +148,17 @@ def test_remapped_topics_and_namespaces_keep_robots_apart(lone_controller):
     topics = dict(client.node.get_topic_names_and_types())
     assert {'/arm/joint_states', '/arm/velocity'} <= set(topics)
     assert client.node.count_publishers('/arm/velocity') == 1
+
+
+def test_joint_states_that_come_more_slowly_than_the_rate_says_are_warned_of(lone_controller):
+    controller = lone_controller()
+    # One a second, by their stamps.
+    for burst in range(5):
+        for _ in range(50):
+            controller.give(START)
+        cycles = 50 * (burst + 1)
+        controller.client.wait_for(
+            lambda cycles=cycles: controller.state.cycles == cycles, 'all answers'
+        )
+    warning = 'joint states come at 1 Hz, rate is 60: limits of position, acceleration and'
+    controller.client.wait_for(lambda: warning in controller.process.output, 'the warning')

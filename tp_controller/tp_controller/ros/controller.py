@@ -26,7 +26,7 @@ from tp_controller.config import (
 from tp_controller.errors import InvalidValue, UnusableState
 from tp_controller.ros.feedforward import FeedforwardOverrides
 from tp_controller.ros.goals import FEEDFORWARD_TYPES, GOAL_TYPES, GoalReader
-from tp_controller.ros.joint_states import JointStateReader
+from tp_controller.ros.joint_states import JointStateReader, RateCheck
 from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
 from tp_controller.ros.markers import Markers
 from tp_controller.ros.parameters import ROS_OWN, describe_parameters
@@ -69,6 +69,7 @@ class ControllerNode(RobotNode):
 
         self._q = np.zeros(robot.n)
         self._joint_states = JointStateReader(robot.joints)
+        self._rate_check = RateCheck(values['rate']) if values['rate'] else None
         self._goals = GoalReader(robot)
         self._feedforwards = FeedforwardOverrides(
             values['timeouts.feedforward'], self._configured_feedforward
@@ -173,6 +174,8 @@ class ControllerNode(RobotNode):
             self._command.header.stamp = msg.header.stamp
         self._command_publisher.publish(self._command)
 
+        if self._rate_check and (problem := self._rate_check.see(msg.header.stamp)):
+            self._warn('rate', problem)
         self._last_seen = time.monotonic()
         state.cycles += 1
         state.header.stamp = msg.header.stamp
@@ -196,6 +199,8 @@ class ControllerNode(RobotNode):
             self._publish_zero()
             self._state.refresh(self._velocity)
             state.status = ControllerState.STALE
+            if self._rate_check:
+                self._rate_check.restart()
             self.get_logger().warning(f'no joint state for {self._stale_after:g} s: zero command')
         elif now - self._last_heartbeat < HEARTBEAT:
             return

@@ -5,10 +5,52 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 
 from tp_controller.errors import InvalidValue, listed, shown
+
+STATES = 100
+"""So many joint states are counted to find their rate."""
+SLOW = 0.8
+"""A rate below this share of the configured one is told."""
+
+
+class RateCheck:
+    """Finds joint states that come more slowly than the parameter ``rate`` says.
+
+    Limits of position and acceleration hold for steps of ``1 / rate`` only.
+
+    Parameters
+    ----------
+    rate
+        The parameter [Hz].
+    """
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin to count anew."""
+        self._count = 0
+        self._begin = 0.0
+
+    def see(self, stamp: Time) -> str:
+        """Count a joint state; what is wrong with the last hundred, empty if nothing is."""
+        self._count += 1
+        if self._count < STATES:
+            return ''
+        now = stamp.sec + 1e-9 * stamp.nanosec
+        passed, self._begin, self._count = now - self._begin, now, 0
+        found = STATES / passed if 0.0 < passed < now else self._rate
+        if found >= SLOW * self._rate:
+            return ''
+        return (
+            f'joint states come at {found:.4g} Hz, rate is {self._rate:g}: limits of position, '
+            'acceleration and distance are kept for that rate only'
+        )
 
 
 class JointStateReader:
