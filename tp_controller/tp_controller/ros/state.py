@@ -100,6 +100,8 @@ class StateMessage:
         self._explained = now
         self.msg.levels_stamp = stamp
         self.msg.levels = [_level_message(level) for level in explain(self._stack)]
+        for entry in self._tasks.values():
+            entry.measure()
         self.msg.active_limits = self._stack.guard.active_limits(self._command)
 
     def refresh_target(self, name: str, located: bool) -> None:
@@ -164,6 +166,11 @@ class _TaskMessage:
         target = self._task.target
         if target is not None and target.size:
             self._desired[:] = target
+
+    def measure(self) -> None:
+        """Fill in distances that are too far away to be computed in every cycle."""
+        if isinstance(self._task, SetBasedTask):
+            self._distance[:] = self._task.distances()
 
     def refresh(self, stepped: bool = True) -> None:
         """Fill in the task; `stepped` if the stack has just updated its hierarchy."""

@@ -53,6 +53,10 @@ class ClearanceTask(SetBasedTask):
         """Distances (k,) of the last update [m]; a copy."""
         return self.distance.copy()
 
+    def distances(self) -> Vector:
+        """Every distance (k,), however far away, at the robot's present configuration."""
+        return self.clearance.distances()
+
     def measure(self) -> None:
         """Fill the distances of rows that may be in, and their derivative."""
         self.clearance.update()

@@ -250,6 +250,10 @@ class SetBasedTask(Task):
         self.J[:] = 0.0
         super().place(J)
 
+    def distances(self) -> Vector:
+        """Every distance (k,), however far away, at the robot's present configuration."""
+        return self.distance
+
     @abstractmethod
     def measure(self) -> None:
         """Fill `distance` and its derivative (k, n) at the robot's present configuration."""
