@@ -40,6 +40,15 @@ def test_no_limit_is_ever_broken(config, name, scheme):
     assert not seen.broken
 
 
+def test_the_panda_among_obstacles_never_touches_one_or_itself(config):
+    values, start = parameters(config / 'panda_table.yaml')
+    seen = run(values, start, STEPS, seed=2)
+    assert not seen.broken
+    assert 0.0 < seen.least_distance < 0.01
+    assert seen.acceleration > 0.99
+    assert seen.braked < 0.01 * seen.steps
+
+
 @pytest.mark.parametrize('saturation', ['uniform', 'null_space'])
 def test_both_saturations_keep_the_limits_and_hardly_ever_need_the_last_check(config, saturation):
     values, start = parameters(config / 'b3_pressed.yaml')
@@ -96,7 +105,7 @@ def test_what_cannot_be_run_is_refused(config, change, key):
     assert caught.value.key == key
 
 
-def test_the_command_prints_a_table_and_its_status_tells(config):
+def test_the_command_prints_a_table_and_its_status_tells(config, tmp_path):
     executable = f'{get_package_prefix("tp_sim")}/lib/tp_sim/stress'
 
     def call(*arguments):
@@ -107,6 +116,9 @@ def test_the_command_prints_a_table_and_its_status_tells(config):
     assert fine.returncode == 0, fine.stderr
     assert 'b3_pressed.yaml: 500 steps to random goals' in fine.stdout
     assert 'least distance' in fine.stdout
-    refused = call('--config', config / 'a1_position.yaml', '--steps', 500)
+    file = tmp_path / 'without_rate.yaml'
+    text = (config / 'a1_position.yaml').read_text()
+    file.write_text(text.replace('    rate: 60.0', ''))
+    refused = call('--config', file, '--steps', 500)
     assert (refused.returncode, refused.stdout) == (2, '')
     assert refused.stderr == 'stress: rate: got no value; accepts a number above 0\n'

@@ -15,14 +15,17 @@ Matrix = NDArray[np.float64]
 BROKEN = 1e-9
 """A bound that is missed by less than this, per length of its row, is not broken."""
 
+TRIES = 2
+"""A bound that has come in so often stays: two that take turns would go on for ever."""
+
 
 class WorkingSet:
     """Resolves levels by the compiled recursion, with the bounds that are needed.
 
     Least rates of one-sided rows and the ranges of the joints are first left out. The one that
     the answer breaks most comes in as a row like any other, in the level where it stands or,
-    for a joint's range, above all levels; until none is broken. Then each that the later ones
-    have made needless goes out again. An answer that just meets a bound is the same with its
+    for a joint's range, above all levels, and those that it has made needless go out again; until
+    none is broken. An answer that just meets a bound is the same with its
     row and without it, so the command changes without a step when a row comes in.
 
     Parameters
@@ -114,27 +117,29 @@ class WorkingSet:
             broken[acts[candidates]] = -np.inf
 
         came: list[int] = []
-        while len(came) < candidates.size:
+        tries = np.zeros(candidates.size, dtype=int)
+        while True:
             look()
             worst = int(broken.argmax())
             if not broken[worst] > BROKEN:
-                break
-            row = int(candidates[worst])
-            if row < self._n:
-                end = bounds.range_upper if qd[row] > 0.0 else bounds.range_lower
-                self._velocity[row] = end[row]
-            came.append(row)
-            acts[row] = True
+                return scale
+            if worst < self._n:
+                end = bounds.range_upper if qd[worst] > 0.0 else bounds.range_lower
+                self._velocity[worst] = end[worst]
+            acts[candidates[worst]] = True
+            tries[worst] += 1
             scale = self._answer(bounds, qd)
-        # The last one that came is needed; each of the others is tried without.
-        for row in came[:-1]:
-            acts[row] = False
-            scale = self._answer(bounds, qd)
-            look()
-            if broken.max() > BROKEN:
-                acts[row] = True
+            # Those that came before may have become needless.
+            for place in [place for place in came if tries[place] < TRIES]:
+                acts[candidates[place]] = False
                 scale = self._answer(bounds, qd)
-        return scale
+                look()
+                if broken[place] > BROKEN:
+                    acts[candidates[place]] = True
+                    scale = self._answer(bounds, qd)
+                else:
+                    came.remove(place)
+            came.append(worst)
 
     def _answer(self, bounds: Bounds, qd: Vector) -> float:
         finite = self._kernel.resolve(
