@@ -1,0 +1,137 @@
+"""Hierarchical quadratic programming."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.solvers.base import Solver
+from tp_controller.solvers.problem import Bounds, Levels
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+class HQPSolver(Solver):
+    """Strict levels inside the joints' bounds, which are part of the problem.
+
+    Level by level, highest first, the squared violations of the level's rows are minimised
+    inside the bounds of the joints, keeping what the levels above got; one-sided tasks are
+    inequalities (Kanoun, Lamiraux and Wieber 2011; Escande, Mansard and Wieber 2014). See
+    `LexicographicProblem`. The bounds are all limits together, so ``saturation`` is without
+    effect: no level loses more than the bounds and the levels above it cost.
+
+    The levels' own inverses, and with them damping, act on what is asked for. The recursion of
+    `RecursiveSolver`, over the equalities alone and without bounds, gives qd_r, and the
+    equalities ask for ``J qd_r``. Where no bound or one-sided row stands in the way the answer
+    is then that of the recursion, near singularities too. Without damping they ask for their
+    velocities themselves.
+    """
+
+    type = 'hqp'
+
+    def arrange(self, levels: Levels) -> Levels:
+        """Groups of tasks that are resolved together: every level by itself."""
+        return levels
+
+    def prepare(
+        self, levels: Levels, jacobian_at: Callable[[Vector], Matrix] | None = None
+    ) -> None:
+        """Get ready for levels; see `Solver.prepare`."""
+        super().prepare(levels, jacobian_at)
+        from tp_controller.solvers.lexicographic import LexicographicProblem
+
+        n, k = self.n, self.k
+        sided = np.zeros(k, dtype=np.bool_)
+        sided[self._one_sided] = True
+        self._equal = ~sided
+        self.problem = LexicographicProblem(n, self._starts, sided, self.metric)
+        self._work = self._kernel.workspace(k, n)
+        self._endless, self._unused = np.full(n, np.inf), np.ones(len(self._groups) + 1)
+        self._asked, self._filtered, self._got = np.zeros(k), np.zeros(k), np.zeros(k)
+        self._free = np.zeros(n)
+        self._lower, self._upper = np.zeros(n), np.zeros(n)
+        self._bounds: Bounds | None = None
+        self._shares = np.ones(len(self._groups))
+
+    def _set_rules(self) -> None:
+        super()._set_rules()
+        always = [not all(task.one_sided for task in group) for group in self._groups]
+        self._damped = bool(self._rules[always, 0].any())
+
+    @property
+    def shares(self) -> Vector:
+        """What bounds left to each group (groups,) in the last step; a copy."""
+        return self._shares.copy()
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Which joints the last step held at the bound that their range sets (n,); a copy."""
+        stopped = self.problem.stopped_joints >= 0
+        if self._bounds is None or not self._bounds.ranged:
+            return np.zeros(self.n, dtype=np.bool_)
+        at_lower = stopped & (self._qd <= self._bounds.range_lower)
+        held: NDArray[np.bool_] = at_lower | (stopped & (self._qd >= self._bounds.range_upper))
+        return held
+
+    @property
+    def scale(self) -> float:
+        """What uniform scaling left of the last step's velocity: all of it."""
+        return 1.0
+
+    def solve(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
+        """Write the joint velocity (n,) to ``qd``; see `Solver.solve`.
+
+        Returns
+        -------
+        float
+            1 where no joint's bound stopped a level. Else the least share of what is asked for
+            that any level of equalities gets, levels above and bounds taken together.
+        """
+        asked = velocity
+        if self._damped:
+            asked = self._asked
+            finite = self._kernel.resolve(
+                J,
+                velocity,
+                self._equal,
+                self._starts,
+                self._rules,
+                self._basis,
+                self._tolerance,
+                self._endless,
+                self._work,
+                self._unused,
+                self._free,
+            )
+            if not finite:
+                raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
+            asked[:] = velocity
+            np.dot(J, self._free, out=self._filtered)
+            np.copyto(asked, self._filtered, where=self._equal)
+        # Copies: those of the robot may not be written to, which is another type to numba.
+        self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
+        self.problem.solve(J, asked, self._lower, self._upper, qd)
+        self._qd, self._bounds = qd, bounds
+        if self._one_sided.size:
+            self._note_acting(qd)
+        self._shares[:] = 1.0
+        if (self.problem.stopped_joints >= 0).any():
+            self._note_shares(J, asked, qd)
+        return float(self._shares.min(initial=1.0))
+
+    def _note_acting(self, qd: Vector) -> None:
+        rows = self._one_sided
+        stops = self.problem.stopped_rows[rows] >= 0
+        self.acting[rows] = stops | (self.problem.violation(qd)[rows] > 0.0)
+
+    def _note_shares(self, J: Matrix, asked: Vector, qd: Vector) -> None:
+        np.dot(J, qd, out=self._got)
+        for i, (start, stop) in enumerate(zip(self._starts[:-1], self._starts[1:], strict=True)):
+            rows = slice(start, stop)
+            wish = asked[rows] * self._equal[rows]
+            size = float(wish @ wish)
+            if size > 0.0:
+                self._shares[i] = min(max(float(self._got[rows] @ wish) / size, 0.0), 1.0)
