@@ -14,8 +14,10 @@ Matrix = NDArray[np.float64]
 Problem = tuple[Matrix, Vector, NDArray[np.int64], NDArray[np.bool_], Vector, Vector]
 """Rows, their velocities, the levels' first rows, which are one-sided, and the box."""
 
-SETTINGS = ((1e-8, 1e-9), (1e-10, 1e-10), (1e-12, 1e-11), (1e-7, 1e-9))
+SETTINGS = ((1e-8, 1e-9), (1e-10, 1e-10), (1e-12, 1e-11), (1e-7, 1e-9), (1e-6, 1e-9))
 """DAQP's ``rho_soft`` and ``primal_tol``, one after the other until an answer is proven."""
+PIVOT = 1e-3
+"""DAQP's ``pivot_tol``: it refines more often than by default, and fails on fewer problems."""
 UNEXPLAINED = 10.0
 """Share of a level's pull, in units of ``rho_soft``, that a proof may leave unexplained."""
 
@@ -186,5 +188,6 @@ class LexicographicProblem:
             self._breaks[: ends if ends > 1 else 0],
             rho_soft=rho,
             primal_tol=tolerance,
+            pivot_tol=PIVOT,
         )[0]
         return guess
