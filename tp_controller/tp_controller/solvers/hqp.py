@@ -23,11 +23,11 @@ class HQPSolver(Solver):
     `LexicographicProblem`. The bounds are all limits together, so ``saturation`` is without
     effect: no level loses more than the bounds and the levels above it cost.
 
-    The levels' own inverses, and with them damping, act on what is asked for. The recursion of
-    `RecursiveSolver`, over the equalities alone and without bounds, gives qd_r, and the
-    equalities ask for ``J qd_r``. Where no bound or one-sided row stands in the way the answer
-    is then that of the recursion, near singularities too. Without damping they ask for their
-    velocities themselves.
+    First the recursion of `RecursiveSolver` answers the equalities alone, without bounds, by
+    the levels' own inverses. If that breaks no bound and no one-sided row, it is the answer.
+    Else the levels compete inside the bounds. Damping acts on what they ask for: where there is
+    any, the equalities ask for ``J qd_r`` with the recursion's qd_r, which is all that they
+    would get near a singularity, otherwise for their velocities themselves.
     """
 
     type = 'hqp'
@@ -50,7 +50,7 @@ class HQPSolver(Solver):
         self.problem = LexicographicProblem(n, self._starts, sided, self.metric)
         self._work = self._kernel.workspace(k, n)
         self._endless, self._unused = np.full(n, np.inf), np.ones(len(self._groups) + 1)
-        self._asked, self._filtered, self._got = np.zeros(k), np.zeros(k), np.zeros(k)
+        self._asked, self._moved, self._got = np.zeros(k), np.zeros(k), np.zeros(k)
         self._free = np.zeros(n)
         self._lower, self._upper = np.zeros(n), np.zeros(n)
         self._bounds: Bounds | None = None
@@ -90,30 +90,32 @@ class HQPSolver(Solver):
             1 where no joint's bound stopped a level. Else the least share of what is asked for
             that any level of equalities gets, levels above and bounds taken together.
         """
-        asked = velocity
+        if not self._kernel.resolve(
+            J,
+            velocity,
+            self._equal,
+            self._starts,
+            self._rules,
+            self._basis,
+            self._tolerance,
+            self._endless,
+            self._work,
+            self._unused,
+            self._free,
+        ):
+            raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
+        np.dot(J, self._free, out=self._moved)
+        asked = self._asked
+        asked[:] = velocity
         if self._damped:
-            asked = self._asked
-            finite = self._kernel.resolve(
-                J,
-                velocity,
-                self._equal,
-                self._starts,
-                self._rules,
-                self._basis,
-                self._tolerance,
-                self._endless,
-                self._work,
-                self._unused,
-                self._free,
-            )
-            if not finite:
-                raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
-            asked[:] = velocity
-            np.dot(J, self._free, out=self._filtered)
-            np.copyto(asked, self._filtered, where=self._equal)
-        # Copies: those of the robot may not be written to, which is another type to numba.
-        self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
-        self.problem.solve(J, asked, self._lower, self._upper, qd)
+            np.copyto(asked, self._moved, where=self._equal)
+        if self._suits(J, velocity, bounds):
+            qd[:] = self._free
+            self.problem.take(J, asked)
+        else:
+            # Copies: the robot's may not be written to, which makes them another type to numba.
+            self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
+            self.problem.solve(J, asked, self._lower, self._upper, qd)
         self._qd, self._bounds = qd, bounds
         if self._one_sided.size:
             self._note_acting(qd)
@@ -122,6 +124,17 @@ class HQPSolver(Solver):
             self._note_shares(J, asked, qd)
         return float(self._shares.min(initial=1.0))
 
+    def _suits(self, J: Matrix, velocity: Vector, bounds: Bounds) -> bool:
+        """Whether the recursion's answer is inside the bounds and breaks no one-sided row."""
+        # Asked this way round, what is not a number does not suit.
+        if not self._kernel.outside(self._free, bounds.soon_lower, bounds.soon_upper) <= 0.0:
+            return False
+        rows = self._one_sided
+        if not rows.size:
+            return True
+        broken = rows[~(self._moved[rows] >= velocity[rows])]
+        return not (broken.size and J[broken].any())
+
     def _note_acting(self, qd: Vector) -> None:
         rows = self._one_sided
         stops = self.problem.stopped_rows[rows] >= 0
@@ -129,9 +142,8 @@ class HQPSolver(Solver):
 
     def _note_shares(self, J: Matrix, asked: Vector, qd: Vector) -> None:
         np.dot(J, qd, out=self._got)
-        for i, (start, stop) in enumerate(zip(self._starts[:-1], self._starts[1:], strict=True)):
-            rows = slice(start, stop)
-            wish = asked[rows] * self._equal[rows]
-            size = float(wish @ wish)
-            if size > 0.0:
-                self._shares[i] = min(max(float(self._got[rows] @ wish) / size, 0.0), 1.0)
+        wish = asked * self._equal
+        first = self._starts[:-1]
+        sizes = np.add.reduceat(wish * wish, first)
+        np.divide(np.add.reduceat(wish * self._got, first), sizes, self._shares, where=sizes > 0.0)
+        np.minimum(np.maximum(self._shares, 0.0, self._shares), 1.0, self._shares)

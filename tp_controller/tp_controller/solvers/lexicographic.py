@@ -146,6 +146,13 @@ class LexicographicProblem:
         np.clip(x, lower, upper, out=x)
         return False
 
+    def take(self, J: Matrix, velocity: Vector) -> None:
+        """Note a problem, see `solve`, that was solved elsewhere without being stopped."""
+        self._J[: self._k], self._velocity[: self._k] = J, velocity
+        self.stopped_joints[:] = -1
+        self._stopped_rows[:] = -1
+        self.calls = 0
+
     def violation(self, x: Vector) -> Vector:
         """By how much every row of the last problem is missed (K,) at ``x`` (n,); a copy.
 
