@@ -145,5 +145,7 @@ class HQPSolver(Solver):
         wish = asked * self._equal
         first = self._starts[:-1]
         sizes = np.add.reduceat(wish * wish, first)
-        np.divide(np.add.reduceat(wish * self._got, first), sizes, self._shares, where=sizes > 0.0)
-        np.minimum(np.maximum(self._shares, 0.0, self._shares), 1.0, self._shares)
+        np.divide(
+            np.add.reduceat(wish * self._got, first), sizes, out=self._shares, where=sizes > 0.0
+        )
+        np.clip(self._shares, 0.0, 1.0, out=self._shares)
