@@ -338,7 +338,7 @@ def test_a_joint_without_limits_is_never_near_one():
     np.testing.assert_allclose(distance, [np.inf, 1.5])
 
 
-@pytest.mark.parametrize('key', ['target', 'whole_arm'])
+@pytest.mark.parametrize('key', ['target', 'feedforwards'])
 def test_an_obstacle_has_no_such_parameter(key):
     tasks = {'o': {'type': 'obstacle', 'frame': 'link_2', 'center': [0.0] * 3, 'radius': 1.0}}
     tasks['o'][key] = [1.0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from tp_controller.config.schema import (
@@ -26,8 +27,10 @@ from tp_controller.robot import (
     dh_description,
     dh_robot,
     read_description,
+    robot_bodies,
     urdf_robot,
 )
+from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
 from tp_controller.solvers import SOLVER_TYPES, Inverse
 from tp_controller.stack import Stack, split_hierarchy
 from tp_controller.tasks import TASK_TYPES, Task
@@ -132,16 +135,28 @@ def build_robot(values: Flat, received: str | None = None) -> Robot:
     """
     source = robot_source(values)
     if source not in (URDF, DESCRIPTION, None):
-        return dh_robot(*_dh_arm(values))
+        return _clad(dh_robot(*_dh_arm(values)), None, values)
     text = describe_robot(values, received)
     limits = {key: values[f'robot.limits.{key}'] for key in Limits.KEYS}
     rest = {key.removeprefix(REST): values[key] for key in values if key.startswith(REST)}
     try:
-        return urdf_robot(text, values['robot.joints'], values['robot.base_frame'], limits, rest)
+        robot = urdf_robot(text, values['robot.joints'], values['robot.base_frame'], limits, rest)
+        return _clad(robot, text, values)
     except InvalidValue as error:
         if error.key == URDF and source != URDF:
             raise InvalidValue(DESCRIPTION, error.got, error.accepts) from None
         raise
+
+
+def _clad(robot: Robot, description: str | None, values: Flat) -> Robot:
+    """Let a robot know the shapes of its links; meshes are read when a task needs them."""
+    capsules = {
+        key.removeprefix(CAPSULES): values[key] for key in values if key.startswith(CAPSULES)
+    }
+    radius = values[LINK_RADIUS]
+    robot_bodies(robot, None, radius, capsules)
+    robot.body_source = partial(robot_bodies, robot, description, radius, capsules)
+    return robot
 
 
 def _dh_arm(values: Flat) -> tuple[Sequence[str], DHParameters, str | None, Limits]:
@@ -203,5 +218,6 @@ def build_task(name: str, robot: Robot, values: Flat) -> Task:
         if own.get('target') is not None:
             task.target = own['target']
     except InvalidValue as error:
-        raise error.under(f'tasks.{name}') from None
+        # The shapes of links are the robot's.
+        raise (error if error.key.startswith('robot.') else error.under(f'tasks.{name}')) from None
     return task

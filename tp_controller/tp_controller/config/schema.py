@@ -17,6 +17,7 @@ from tp_controller.parameters import (
     TEXTS,
     Parameter,
 )
+from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
 from tp_controller.robot.dh import CONVENTIONS, JOINT_TYPES
 from tp_controller.solvers import DEFAULT, INVERSES, SATURATIONS, SOLVER_TYPES
 from tp_controller.tasks import COMMON, TASK_TYPES
@@ -73,6 +74,12 @@ SHARED: Mapping[str, Parameter] = {
         'Largest acceleration [rad/s², m/s²], one value or one per joint; needs rate',
         above=0.0,
         runtime=True,
+    ),
+    LINK_RADIUS: Parameter(
+        NUMBERS,
+        'Radius [m] of capsules along the links, one value or one per joint, in place of the '
+        "URDF's collision shapes",
+        above=0.0,
     ),
     'command.type': Parameter(
         TEXT,
@@ -196,7 +203,10 @@ def shared_schema(flat: Mapping[str, Any]) -> dict[str, Parameter]:
     InvalidValue
         As `robot_source`.
     """
-    schema = dict(SHARED)
+    given = Parameter(
+        NUMBERS, 'Capsules of a link: x y z of the start, x y z of the end, radius [m], and so on'
+    )
+    schema = {**SHARED, **{key: given for key in flat if key.startswith(CAPSULES)}}
     if (robot_source(flat) or '').startswith(DH):
         return schema
     for key in ('robot.joints', *(key for key in SHARED if key.startswith(DH))):

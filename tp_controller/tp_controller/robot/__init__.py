@@ -1,20 +1,34 @@
-"""Kinematic models of arms."""
+"""Kinematic models of arms, and the shapes of their links."""
 
+from tp_controller.robot.bodies import Bodies, robot_bodies
+from tp_controller.robot.collision import Clearance
 from tp_controller.robot.description import dh_description, same_description
 from tp_controller.robot.dh import DHParameters, dh_robot
 from tp_controller.robot.limits import Limits
 from tp_controller.robot.model import Coupling, Frame, Robot
+from tp_controller.robot.pairs import link_pairs, obstacle_clearance, self_clearance
+from tp_controller.robot.shapes import Shape, capsule, half_space, sphere
 from tp_controller.robot.urdf import read_description, urdf_robot
 
 __all__ = [
+    'Bodies',
+    'Clearance',
     'Coupling',
     'DHParameters',
     'Frame',
     'Limits',
     'Robot',
+    'Shape',
+    'capsule',
     'dh_description',
     'dh_robot',
+    'half_space',
+    'link_pairs',
+    'obstacle_clearance',
     'read_description',
+    'robot_bodies',
     'same_description',
+    'self_clearance',
+    'sphere',
     'urdf_robot',
 ]

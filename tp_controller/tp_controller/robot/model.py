@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,8 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.robot.limits import Limits
+from tp_controller.robot.reach import Path, joint_path, path_speeds
+from tp_controller.robot.shapes import Shape
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -78,7 +81,8 @@ class Robot:
         self.wrapping = tuple(wrapping) if wrapping is not None else (False,) * self.n
         self._model = model
         self._data = model.createData()
-        self._coupling = coupling
+        self.coupling = coupling
+        """How the joints of the model follow the controlled ones, None if they are the same."""
         self._q = np.zeros(self.n)
         # Without a coupling the model's configuration is the robot's own.
         self._q_model = self._q if coupling is None else np.zeros(model.nq)
@@ -90,7 +94,24 @@ class Robot:
         self.base: Frame = Frame.standing(base_frame, self.n)
         """The base frame itself, which never moves."""
         self._lines = lines
+        self.body_source: Callable[[], Mapping[str, tuple[Shape, ...]]] = dict
+        """Makes `bodies` when they are first asked for."""
         self.update(self._q)
+
+    @property
+    def model(self) -> pin.Model:
+        """Pinocchio's model, for computations of one's own."""
+        return self._model
+
+    @property
+    def data(self) -> pin.Data:
+        """Pinocchio's results at the present configuration, not to be written to."""
+        return self._data
+
+    @cached_property
+    def bodies(self) -> Mapping[str, tuple[Shape, ...]]:
+        """Shapes of the links, see `robot_bodies`; none without a `body_source`."""
+        return self.body_source()
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -147,34 +168,29 @@ class Robot:
     def reach(self, name: str) -> Vector:
         """Bound (n,) on the speed of a frame's origin per joint speed, at any configuration.
 
-        Metres per radian for a turning joint: the length of the chain beyond it. Infinite
-        where that has a sliding joint without limits. Joints that do not move the frame
-        have zero.
+        Metres per radian for a turning joint: the length of the chain beyond it, without
+        what lies along its axis. Infinite where that has a sliding joint without limits.
+        Joints that do not move the frame have zero.
 
         Raises
         ------
         InvalidValue
             If the robot has no such frame.
         """
-        model = self._model
-        frame = model.frames[self.frame(name).index]
-        bounds = np.zeros(model.nv)
-        S, offset = self._coupling or (np.eye(self.n), np.zeros(self.n))
+        frame = self._model.frames[self.frame(name).index]
+        path = joint_path(self._model, frame.parentJoint, 0)
+        return self.path_reach(path, frame.placement.translation[None], 0.0)
+
+    def path_reach(self, path: Path, points: Matrix, radius: float) -> Vector:
+        """Bound (n,) on the speed of a shape seen from the end of a path, per joint speed.
+
+        As `reach`; the shape and the path as for `path_speeds`.
+        """
+        S, offset = self.coupling or (np.eye(self.n), np.zeros(self.n))
         farthest = np.maximum(-self.limits.position_min, self.limits.position_max)
-        beyond, joint = float(np.linalg.norm(frame.placement.translation)), frame.parentJoint
-        while joint > 0:
-            row = model.joints[joint].idx_v
-            if model.joints[joint].shortname().startswith('JointModelP'):
-                bounds[row] = 1.0
-                used = S[row] != 0.0
-                beyond += abs(offset[row]) + float(np.abs(S[row, used]) @ farthest[used])
-            else:
-                bounds[row] = beyond
-            beyond += float(np.linalg.norm(model.jointPlacements[joint].translation))
-            joint = model.parents[joint]
-        shares = np.zeros_like(S)
-        np.multiply(np.abs(S), bounds[:, None], out=shares, where=S != 0.0)
-        return shares.sum(axis=0)
+        slides = np.abs(offset) + _products(S, farthest).sum(axis=1)
+        speeds = path_speeds(self._model, slides, path, points, radius)
+        return _products(S.T, speeds).sum(axis=1)
 
     def update(self, q: Vector) -> None:
         """Move every frame to configuration ``q`` (n,) [rad, m]."""
@@ -194,9 +210,16 @@ class Robot:
 
     def _take(self, q: Vector) -> None:
         self._q[:] = q
-        if self._coupling is not None:
-            np.dot(self._coupling.S, self._q, out=self._q_model)
-            self._q_model += self._coupling.offset
+        if self.coupling is not None:
+            np.dot(self.coupling.S, self._q, out=self._q_model)
+            self._q_model += self.coupling.offset
+
+
+def _products(S: Matrix, bounds: Vector) -> Matrix:
+    """Every ``|S_ij| bounds_j``, where nothing times an infinite bound is nothing."""
+    shares = np.zeros_like(S)
+    np.multiply(np.abs(S), bounds, out=shares, where=S != 0.0)
+    return shares
 
 
 class Frame:

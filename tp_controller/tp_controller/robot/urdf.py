@@ -58,15 +58,26 @@ def read_description(path: str) -> str:
     InvalidValue
         If there is no such package or file.
     """
-    place = Path(path).expanduser()
-    if path.startswith(PACKAGE):
-        package, _, rest = path.removeprefix(PACKAGE).partition('/')
-        place = _share(package) / rest
+    place = place_of(path)
     try:
         return place.read_text(encoding='utf-8')
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, 'strerror', None) or 'bytes that are not UTF-8'
         raise InvalidValue(KEY, f'{shown(path)} ({reason})', 'a readable URDF file') from None
+
+
+def place_of(path: str) -> Path:
+    """Where a file is: a path, or ``package://<package>/<path>`` as for `read_description`.
+
+    Raises
+    ------
+    InvalidValue
+        If there is no such package.
+    """
+    if not path.startswith(PACKAGE):
+        return Path(path).expanduser()
+    package, _, rest = path.removeprefix(PACKAGE).partition('/')
+    return _share(package) / rest
 
 
 def _share(package: str) -> Path:
@@ -207,14 +218,14 @@ def _joint(name: str, element: ElementTree.Element, links: Sequence[str | None])
     origin = element.find('origin')
     for attribute in ('xyz', 'rpy'):
         if origin is not None and origin.get(attribute) is not None:
-            _numbers(f'joint {shown(name)} origin', str(origin.get(attribute)), 3)
+            numbers(f'joint {shown(name)} origin', str(origin.get(attribute)), 3)
     axis = element.find('axis')
     direction = '1 0 0' if axis is None else axis.get('xyz', '')
-    if kind != 'fixed' and not any(_numbers(f'joint {shown(name)} axis', direction, 3)):
+    if kind != 'fixed' and not any(numbers(f'joint {shown(name)} axis', direction, 3)):
         raise InvalidValue(KEY, f'joint {shown(name)} axis {shown(direction)}', 'a direction')
     limit = element.find('limit')
     limits = {
-        key: _numbers(f'joint {shown(name)} limit', value, 1)[0]
+        key: numbers(f'joint {shown(name)} limit', value, 1)[0]
         for key, value in (limit.attrib if limit is not None else {}).items()
         if key in ('lower', 'upper', 'velocity')
     }
@@ -228,14 +239,21 @@ def _joint(name: str, element: ElementTree.Element, links: Sequence[str | None])
     follows = None
     if mimic is not None:
         multiplier, offset = (
-            _numbers(f'joint {shown(name)} mimic', mimic.get(key, default), 1)[0]
+            numbers(f'joint {shown(name)} mimic', mimic.get(key, default), 1)[0]
             for key, default in (('multiplier', '1'), ('offset', '0'))
         )
         follows = (mimic.get('joint', ''), multiplier, offset)
     return _Joint(kind, ends[0], ends[1], limits, follows)
 
 
-def _numbers(what: str, text: str, count: int) -> list[float]:
+def numbers(what: str, text: str, count: int) -> list[float]:
+    """Numbers of an attribute.
+
+    Raises
+    ------
+    InvalidValue
+        If it is anything else than that many finite numbers.
+    """
     try:
         # Python takes 1_0 for a number, URDF does not.
         values = [float(word) for word in text.replace('_', '?').split()]

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.robot import Frame, Robot
 from tp_controller.rotations import rotation_from_quaternion
-from tp_controller.tasks import FrameTask, JointTask, ObstacleTask, Task
+from tp_controller.tasks import FrameTask, JointTask, ObstacleTask, Task, WholeArmTask
 from tp_interfaces.msg import TaskState
 
 Vector = NDArray[np.float64]
@@ -81,7 +81,7 @@ class GoalReader:
                 )
             values = np.zeros(task.k) if task.target is None else task.target
             return task.check_target(task.with_joints(values, msg.name, msg.position))
-        assert isinstance(task, FrameTask | ObstacleTask)
+        assert isinstance(task, FrameTask | ObstacleTask | WholeArmTask)
         source, seen = self._frame(msg.header.frame_id, task), task.reference
         position, rotation = _pose(msg)
         if source is not seen:
@@ -113,7 +113,7 @@ class GoalReader:
             twist = np.concatenate([A @ twist[:3], A @ twist[3:]])
         return task.feedforward_from_twist(twist)
 
-    def _frame(self, frame_id: str, task: FrameTask | ObstacleTask) -> Frame:
+    def _frame(self, frame_id: str, task: FrameTask | ObstacleTask | WholeArmTask) -> Frame:
         """Frame that the message is given in; the one that the task is seen from if empty."""
         robot, seen = self._robot, task.reference
         if frame_id in ('', seen.name):

@@ -1,4 +1,4 @@
-"""What RViz shows: the arm, the paths of the controlled frames and their targets."""
+"""What RViz shows: the arm, paths of the controlled frames, targets and obstacles."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Iterable
 
 import numpy as np
+import pinocchio as pin
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point
 from numpy.typing import NDArray
@@ -14,7 +15,8 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from tp_controller.robot import Robot
-from tp_controller.tasks import ObstacleTask, Task
+from tp_controller.ros.shape_markers import shape_markers
+from tp_controller.tasks import ClearanceTask, ObstacleTask, Task, WholeArmTask
 from tp_interfaces.msg import ControllerState, TaskState
 
 PERIOD = 0.1
@@ -25,6 +27,7 @@ PATH_POINTS = 300
 GREY = ColorRGBA(r=0.6, g=0.6, b=0.6, a=1.0)
 BLUE = ColorRGBA(r=0.12, g=0.47, b=0.71, a=1.0)
 RED = ColorRGBA(r=0.84, g=0.15, b=0.16, a=0.5)
+GLASS = ColorRGBA(r=0.12, g=0.47, b=0.71, a=0.25)
 ORANGE = ColorRGBA(r=1.0, g=0.5, b=0.05, a=1.0)
 
 
@@ -38,19 +41,21 @@ class Markers:
     state
         The controller's state, kept up to date by its owner.
     tasks
-        Tasks, the obstacles among which are shown.
+        Tasks: obstacles are shown, and the links' shapes if any task needs them.
     """
 
     def __init__(self, robot: Robot, state: ControllerState, tasks: Iterable[Task] = ()) -> None:
         self._robot = robot
         self._state = state
         self._paths: dict[str, deque[Point]] = {}
-        self._shown = 0
+        self._shown: dict[str, int] = {}
         self.follow_tasks(tasks)
 
     def follow_tasks(self, tasks: Iterable[Task]) -> None:
-        """Show the obstacles among these tasks from now on."""
-        self._obstacles = [task for task in tasks if isinstance(task, ObstacleTask)]
+        """Show the obstacles among these tasks from now on, and the links if any needs them."""
+        tasks = list(tasks)
+        self._obstacles = [task for task in tasks if isinstance(task, ObstacleTask | WholeArmTask)]
+        self._shows_bodies = any(isinstance(task, ClearanceTask) for task in tasks)
 
     def array(self, stamp: Time) -> MarkerArray:
         """Markers of the present configuration; every call adds a point to the paths."""
@@ -77,12 +82,31 @@ class Markers:
         markers.append(
             self._marker(stamp, 'target', 0, Marker.SPHERE_LIST, targets, 2.0 * width, ORANGE)
         )
-        markers += [self._obstacle(stamp, i, task) for i, task in enumerate(self._obstacles)]
-        # Obstacles that have gone are taken away.
-        for i in range(len(self._obstacles), self._shown):
-            markers.append(self._marker(stamp, 'obstacle', i, Marker.SPHERE, [], 1.0, RED))
-        self._shown = len(self._obstacles)
+        for i, task in enumerate(self._obstacles):
+            if isinstance(task, WholeArmTask):
+                found = shape_markers(task.obstacle, pin.SE3.Identity())
+                markers += [self._named(marker, stamp, 'obstacle', i, RED) for marker in found]
+            else:
+                markers.append(self._obstacle(stamp, i, task))
+        bodies = self._bodies(stamp) if self._shows_bodies else []
+        markers += bodies
+        # What has gone with its task is taken away.
+        for name, count in (('obstacle', len(self._obstacles)), ('body', len(bodies))):
+            for i in range(count, self._shown.get(name, 0)):
+                markers.append(self._marker(stamp, name, i, Marker.SPHERE, [], 1.0, RED))
+            self._shown[name] = count
         return MarkerArray(markers=markers)
+
+    def _bodies(self, stamp: Time) -> list[Marker]:
+        """Shapes of the links."""
+        robot = self._robot
+        found = [
+            marker
+            for link, shapes in robot.bodies.items()
+            for shape in shapes
+            for marker in shape_markers(shape, _place(robot, link))
+        ]
+        return [self._named(marker, stamp, 'body', i, GLASS) for i, marker in enumerate(found)]
 
     def _obstacle(self, stamp: Time, number: int, task: ObstacleTask) -> Marker:
         """Sphere, or for two axes a disc of the links' thickness."""
@@ -121,12 +145,26 @@ class Markers:
         width: float,
         color: ColorRGBA,
     ) -> Marker:
-        marker = Marker(ns=name, id=number, type=kind, points=points, color=color)
+        marker = Marker(type=kind, points=points)
         marker.action = Marker.ADD if points else Marker.DELETE
-        marker.header.stamp = stamp
-        marker.header.frame_id = self._robot.base_frame
+        self._named(marker, stamp, name, number, color)
         marker.scale.x = marker.scale.y = marker.scale.z = width
         return marker
+
+    def _named(
+        self, marker: Marker, stamp: Time, name: str, number: int, color: ColorRGBA
+    ) -> Marker:
+        """Marker with its name, color and header filled in."""
+        marker.ns, marker.id, marker.color = name, number, color
+        marker.header.stamp = stamp
+        marker.header.frame_id = self._robot.base_frame
+        return marker
+
+
+def _place(robot: Robot, link: str) -> pin.SE3:
+    """Present pose of a link."""
+    frame = robot.base if link not in robot.frames else robot.frame(link)
+    return pin.SE3(frame.rotation, frame.position)
 
 
 def _point(position: NDArray[np.float64]) -> Point:

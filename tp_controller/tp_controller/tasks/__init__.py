@@ -1,6 +1,7 @@
 """Tasks by the type names of parameter files."""
 
 from tp_controller.tasks.base import COMMON, Task
+from tp_controller.tasks.clearance import ClearanceTask
 from tp_controller.tasks.frame import FrameTask
 from tp_controller.tasks.gaze import GazeTask
 from tp_controller.tasks.joint import JointTask
@@ -11,7 +12,9 @@ from tp_controller.tasks.orientation import OrientationTask
 from tp_controller.tasks.pose import PoseTask
 from tp_controller.tasks.position import PositionTask
 from tp_controller.tasks.posture import PostureTask
+from tp_controller.tasks.self_collision import SelfCollisionTask
 from tp_controller.tasks.set_based import SetBasedTask, Switching
+from tp_controller.tasks.whole_arm import WholeArmTask
 
 TASK_TYPES: dict[str, type[Task]] = {
     task.type: task
@@ -25,6 +28,7 @@ TASK_TYPES: dict[str, type[Task]] = {
         ManipulabilityTask,
         JointLimitsTask,
         ObstacleTask,
+        SelfCollisionTask,
     )
 }
 """Task classes by the ``type`` of parameter files."""
@@ -32,6 +36,7 @@ TASK_TYPES: dict[str, type[Task]] = {
 __all__ = [
     'COMMON',
     'TASK_TYPES',
+    'ClearanceTask',
     'FrameTask',
     'GazeTask',
     'JointLimitsTask',
@@ -42,7 +47,9 @@ __all__ = [
     'PoseTask',
     'PositionTask',
     'PostureTask',
+    'SelfCollisionTask',
     'SetBasedTask',
     'Switching',
     'Task',
+    'WholeArmTask',
 ]

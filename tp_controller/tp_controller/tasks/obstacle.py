@@ -1,4 +1,4 @@
-"""A frame kept out of a circle or a sphere."""
+"""A frame kept out of a circle or a sphere, or a whole arm out of an obstacle."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import InvalidValue, shown
-from tp_controller.parameters import NUMBER, NUMBERS, REQUIRED, TEXT, Parameter
+from tp_controller.errors import NO_VALUE, InvalidValue, listed, shown
+from tp_controller.parameters import BOOLEAN, NUMBER, NUMBERS, REQUIRED, TEXT, TEXTS, Parameter
 from tp_controller.robot import Robot
-from tp_controller.tasks.frame import FRAME, LABELS, axis_rows
+from tp_controller.tasks.frame import LABELS, axis_rows
 from tp_controller.tasks.set_based import THRESHOLDS, SetBasedTask, Switching
+from tp_controller.tasks.whole_arm import SHAPES, Measures, WholeArmTask
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -53,13 +54,34 @@ class ObstacleTask(SetBasedTask):
 
     type = 'obstacle'
     parameters: ClassVar[Mapping[str, Parameter]] = {
-        **FRAME,
-        'center': Parameter(
-            NUMBERS, 'Centre of the obstacle [m], one value per axis', default=REQUIRED
+        'frame': Parameter(
+            TEXT, 'Controlled frame, whose origin stays outside; with whole_arm none'
         ),
-        'radius': Parameter(NUMBER, 'Radius of the obstacle [m]', default=REQUIRED, above=0.0),
+        'center': Parameter(
+            NUMBERS,
+            'Centre of the obstacle [m], one value per axis; of a half-space any point of '
+            'its surface',
+            default=REQUIRED,
+        ),
+        'radius': Parameter(NUMBER, 'Radius of a sphere or a cylinder [m]', above=0.0),
         'axes': Parameter(
             TEXT, 'Axes that count: xyz for a sphere, xy for a cylinder along z', default='xyz'
+        ),
+        'whole_arm': Parameter(
+            BOOLEAN, 'Whether links stay outside with their shapes, one row per link', False
+        ),
+        'links': Parameter(
+            TEXTS, 'Links that stay outside, with whole_arm; all that have a shape when left out'
+        ),
+        'shape': Parameter(
+            TEXT, 'Shape of the obstacle, with whole_arm', default=SHAPES[0], choices=SHAPES
+        ),
+        'size': Parameter(NUMBERS, 'Sides of a box along its x, y and z [m]', above=0.0),
+        'length': Parameter(NUMBER, 'Length of a cylinder along its z [m]', above=0.0),
+        'normal': Parameter(NUMBERS, 'Direction x y z out of a half-space'),
+        'orientation': Parameter(
+            NUMBERS,
+            'Quaternion x y z w of a box or a cylinder; along the base frame when left out',
         ),
         **THRESHOLDS,
     }
@@ -89,8 +111,28 @@ class ObstacleTask(SetBasedTask):
             raise InvalidValue('center', error.got, error.accepts) from None
 
     @classmethod
-    def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> ObstacleTask:
-        """Make the task from checked values."""
+    def from_parameters(
+        cls, name: str, robot: Robot, values: Mapping[str, Any]
+    ) -> ObstacleTask | WholeArmTask:
+        """Make the task from checked values; for a whole arm it is a `WholeArmTask`."""
+        if values['whole_arm']:
+            for key, left_out in (('frame', None), ('axes', 'xyz')):
+                if values[key] != left_out:
+                    got = f'{shown(values[key])} with whole_arm'
+                    raise InvalidValue(key, got, 'no value')
+            return WholeArmTask.from_parameters(name, robot, values)
+        if values['frame'] is None:
+            accepts = f'one of {listed(robot.frames)}, or whole_arm: true'
+            raise InvalidValue('frame', NO_VALUE, accepts)
+        if values['shape'] != SHAPES[0]:
+            got = f'{shown(values["shape"])} for a frame'
+            raise InvalidValue('shape', got, f'{SHAPES[0]}, or whole_arm: true')
+        if values['radius'] is None:
+            raise InvalidValue('radius', NO_VALUE, 'a number above 0')
+        for key in ('links', *Measures._fields):
+            if key != 'radius' and values[key] is not None:
+                got = f'{shown(values[key])} for a frame'
+                raise InvalidValue(key, got, 'no value, or whole_arm: true')
         return cls(
             name,
             robot,

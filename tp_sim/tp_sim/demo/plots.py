@@ -10,19 +10,25 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Patch, Rectangle
 from numpy.typing import NDArray
 
 from tp_controller.robot import Robot
 from tp_controller.stack import Stack
-from tp_controller.tasks import ObstacleTask
+from tp_controller.tasks import ObstacleTask, WholeArmTask
 from tp_interfaces.msg import TaskState
 from tp_sim.demo.script import Leg
 from tp_sim.harness import Record
 
 Array = NDArray[np.float64]
 
-UNITS = {'position': 'm', 'orientation': 'rad', 'gaze': 'rad', 'obstacle': 'm'}
+UNITS = {
+    'position': 'm',
+    'orientation': 'rad',
+    'gaze': 'rad',
+    'obstacle': 'm',
+    'self_collision': 'm',
+}
 """Units of the tasks that do not mix metres and radians."""
 COLORS: Sequence[Any] = mpl.color_sequences['tab10']
 
@@ -87,7 +93,8 @@ def draw_arm(
     above and from the side.
     """
     robot = stack.robot
-    obstacles = [task for task in stack.tasks.values() if isinstance(task, ObstacleTask)]
+    kinds = ObstacleTask | WholeArmTask
+    obstacles = [task for task in stack.tasks.values() if isinstance(task, kinds)]
     arms = _arms(robot, record.q)
     planar = np.nanmax(arms[..., 2]) - np.nanmin(arms[..., 2]) < 1e-6
     frames = dict.fromkeys(task.frame for task in tasks if task.enabled and task.frame)
@@ -166,13 +173,30 @@ def _draw_paths(axes: Axes, view: str, paths: Mapping[str, Array]) -> None:
         )
 
 
-def _draw_obstacles(axes: Axes, view: str, obstacles: Sequence[ObstacleTask]) -> None:
+def _draw_obstacles(
+    axes: Axes, view: str, obstacles: Sequence[ObstacleTask | WholeArmTask]
+) -> None:
+    """Draw circles, and the rectangles that boxes and cylinders lie in; half-spaces are left."""
     for task in obstacles:
         center = dict(zip(task.target_components, task.center, strict=True))
-        if set(view) <= center.keys():
-            middle = (center[view[0]], center[view[1]])
-            axes.add_patch(Circle(middle, task.radius, color='tab:red', alpha=0.3, zorder=0))
-            axes.annotate(task.name, middle, ha='center', va='center', fontsize=9, color='0.3')
+        if not set(view) <= center.keys():
+            continue
+        middle = (center[view[0]], center[view[1]])
+        patch: Patch
+        if isinstance(task, ObstacleTask):
+            patch = Circle(middle, task.radius)
+        elif task.obstacle.kind == 'sphere':
+            patch = Circle(middle, task.obstacle.size[0])
+        elif task.obstacle.kind == 'half_space':
+            continue
+        else:
+            points, radius = task.obstacle.hull()
+            sides = points[:, ['xyz'.index(axis) for axis in view]]
+            low, high = sides.min(axis=0) - radius, sides.max(axis=0) + radius
+            patch = Rectangle((low[0], low[1]), *(high - low))
+        patch.set(color='tab:red', alpha=0.3, zorder=0)
+        axes.add_patch(patch)
+        axes.annotate(task.name, middle, ha='center', va='center', fontsize=9, color='0.3')
 
 
 def _draw_targets(axes: Axes, view: str, tasks: Sequence[TaskState], legs: Sequence[Leg]) -> None:

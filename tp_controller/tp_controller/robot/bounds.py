@@ -1,0 +1,39 @@
+"""What is left of a distance after a move, compiled by numba.
+
+Importing this module compiles it, or loads what an earlier process compiled.
+"""
+
+from numba import boolean, float64, njit, types
+
+_ROWS = float64[:, ::1]
+_COLUMN = float64[::1]
+_FIXED = types.Array(float64, 1, 'C', readonly=True)
+
+
+@njit([boolean(_FIXED, _ROWS, _ROWS, _COLUMN, _COLUMN, _COLUMN)], cache=True)
+def lower_bounds(q, anchor, reach, known, threshold, lower):  # type: ignore[no-untyped-def]
+    """Fill lower bounds (p,) from distances known elsewhere; whether any is below its threshold.
+
+    Parameters
+    ----------
+    q
+        Present configuration (n,) [rad, m].
+    anchor, known
+        Configurations (p, n) and the distances (p,) [m] there.
+    reach
+        Bounds (p, n) on the derivatives of the distances.
+    threshold
+        Thresholds (p,) [m].
+    lower
+        The bounds, to be filled.
+    """
+    near = False
+    for i in range(len(known)):
+        bound = known[i]
+        for j in range(len(q)):
+            way = abs(q[j] - anchor[i, j])
+            if way > 0.0:
+                bound -= reach[i, j] * way
+        lower[i] = bound
+        near |= bound < threshold[i]
+    return near

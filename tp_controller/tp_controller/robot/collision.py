@@ -1,0 +1,297 @@
+"""Clearance of an arm: signed distances of its links from an obstacle and from each other.
+
+coal computes the distances (Gilbert, Johnson and Keerthi 1988, and expanding polytopes where
+shapes overlap), and only those that can be small: from a distance d at one configuration
+follows, at any other, ``d - reach |q' - q|``.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from tp_controller.robot.bodies import body_place
+from tp_controller.robot.model import Robot
+from tp_controller.robot.reach import joint_path
+from tp_controller.robot.shapes import Shape
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+TOLERANCE = 1e-7
+"""Of the iterations, relative; where these fail, `COARSE`. Smaller ones fail more often."""
+COARSE = 1e-6
+ITERATIONS = 255
+"""Most that deeply overlapping round shapes may take."""
+FAILED = 1e300
+"""A distance [m] of this size is what failed iterations leave."""
+
+
+class Row(NamedTuple):
+    """What one distance is between: some shapes of a link, and an obstacle or another link's."""
+
+    name: str
+    link: str
+    shapes: tuple[Shape, ...]
+    other: str | None = None
+    """The other link, None for the obstacle."""
+    others: tuple[Shape, ...] = ()
+
+
+class Clearance:
+    """Signed distances between shapes at the robot's present configuration, in k rows.
+
+    A row has the least distance between shapes of a link and an obstacle, or between those
+    of two links; where they overlap it is minus the length of the shortest way apart.
+    Its derivative is ``nᵀ (J_a - J_b)`` with the unit normal n from the one to the other and
+    the Jacobians of the nearest points. In the depth at which the middle lines of rounded
+    shapes meet, n is one of the many that lead out.
+
+    `obstacle_clearance` and `self_clearance` choose the rows.
+
+    Parameters
+    ----------
+    robot
+        The robot.
+    rows
+        What each distance is between (k,); between two links there has to be a joint.
+    obstacle
+        The obstacle, at its pose in the base frame; None if the rows have two links.
+
+    Attributes
+    ----------
+    names
+        Name of each row: a link, or two links ``a - b``.
+    distance
+        Distance (k,) [m] of every row that is nearer than its threshold, of the others a
+        lower bound that is not below the threshold; filled by `update`.
+    slope
+        Derivative (k, n) of the distances that are nearer than their threshold, for the
+        others zero; filled by `update`.
+    reach
+        Bound (k, n) on the size of the derivative, at every configuration inside the limits.
+    """
+
+    def __init__(self, robot: Robot, rows: Sequence[Row], obstacle: Shape | None = None) -> None:
+        # Compiled, or loaded, for tasks that need it.
+        from tp_controller.robot.bounds import lower_bounds
+
+        self._lower_bounds = lower_bounds
+        self.robot = robot
+        self.names = tuple(row.name for row in rows)
+        self._geometry = pin.GeometryModel()
+        self._hulls: list[tuple[Matrix, float]] = []
+        self._obstacle = obstacle
+        added: dict[tuple[str, int], int] = {}
+        starts, counts, sides = [], [], []
+        reaches: list[Vector] = []
+        if obstacle is not None:
+            self._place('obstacle', 0, obstacle)
+        for row in rows:
+            starts.append(len(reaches))
+            for shape in row.shapes:
+                one = self._add(row.link, shape, added)
+                # The obstacle is the first of all.
+                others = (
+                    [0]
+                    if row.other is None
+                    else [self._add(row.other, other, added) for other in row.others]
+                )
+                for other in others:
+                    self._geometry.addCollisionPair(pin.CollisionPair(one, other))
+                    reaches.append(self._pair_reach(one, other))
+            counts.append(len(reaches) - starts[-1])
+            sides.append(self._sides(row))
+        self._results = self._geometry.createData()
+        for request in self._results.distanceRequests:
+            _set_tolerance(request, TOLERANCE)
+            request.epa_max_iterations = ITERATIONS
+            _start_afresh(request)
+        k, n, pairs = len(rows), robot.n, len(reaches)
+        self._starts, self._sides_of = np.array(starts), np.array(sides)
+        self._row_of = np.repeat(np.arange(k), counts)
+        self._pair_reaches = np.array(reaches)
+        self.reach: Matrix = np.maximum.reduceat(self._pair_reaches, self._starts)
+        self.distance: Vector = np.full(k, math.nan)
+        self.slope: Matrix = np.zeros((k, n))
+        # For every pair of shapes: a distance, the configuration of it, the bound that is left
+        # of it, and the line [n; p × n] of the shortest way.
+        self._known, self._lower = np.full(pairs, -math.inf), np.full(pairs, -math.inf)
+        self._anchor, self._lines = np.zeros((pairs, n)), np.zeros((pairs, 6))
+        self.threshold = np.full(k, math.inf)
+
+    @property
+    def threshold(self) -> Vector:
+        """Distance (k,) [m] below which each row is computed, infinite at first; a copy."""
+        return self._threshold.copy()
+
+    @threshold.setter
+    def threshold(self, values: float | Vector) -> None:
+        self._threshold = np.array(np.broadcast_to(values, len(self.names)), dtype=float)
+        self._pair_threshold = self._threshold[self._row_of]
+
+    @property
+    def obstacle(self) -> Shape | None:
+        """The obstacle where it is now, None between links."""
+        return self._obstacle
+
+    def move(self, pose: pin.SE3) -> None:
+        """Move the obstacle to a pose in the base frame."""
+        if self._obstacle is None:
+            raise ValueError('there is no obstacle to move')
+        before = self._obstacle.pose
+        if np.array_equal(before.rotation, pose.rotation):
+            # No distance changes by more than that.
+            self._known -= float(np.linalg.norm(pose.translation - before.translation))
+        else:
+            self._known[:] = -math.inf
+        self._obstacle = self._obstacle._replace(pose=pin.SE3(pose))
+        self._geometry.geometryObjects[0].placement = self._obstacle.pose
+
+    def update(self) -> None:
+        """Fill `distance` and `slope` at the robot's present configuration."""
+        self.slope.fill(0.0)
+        if self._measure(self._pair_threshold, self.distance):
+            rows = np.flatnonzero(self.distance < self._threshold)
+            if rows.size:
+                self._fill_slope(rows)
+
+    def probe(self, out: Vector) -> None:
+        """Write what `update` would make of `distance` (k,) to ``out``, and nothing else."""
+        self._measure(self._pair_threshold, out)
+
+    def distances(self) -> Vector:
+        """Every distance (k,) [m], however far; leaves `distance` and `slope` as they are."""
+        distance = np.empty(len(self.names))
+        self._measure(np.full(len(self._known), math.inf), distance)
+        return distance
+
+    def nearest_points(self) -> Matrix:
+        """Nearest points (k, 2, 3) [m] of every row, in the base frame, the link's first."""
+        self.distances()
+        results = self._results.distanceResults
+        return np.array(
+            [
+                (results[pair].getNearestPoint1(), results[pair].getNearestPoint2())
+                for pair in map(self._nearest_pair, range(len(self.names)))
+            ]
+        )
+
+    def _measure(self, threshold: Vector, distance: Vector) -> bool:
+        """Fill distances (k,); whether any had to be computed."""
+        q, lower = self.robot.q, self._lower
+        near = self._lower_bounds(
+            q, self._anchor, self._pair_reaches, self._known, threshold, lower
+        )
+        if near:
+            pin.updateGeometryPlacements(
+                self.robot.model, self.robot.data, self._geometry, self._results
+            )
+            for pair in np.flatnonzero(lower < threshold).tolist():
+                self._compute(pair)
+                self._anchor[pair] = q
+        if len(lower) == len(distance):
+            distance[:] = lower
+        else:
+            np.minimum.reduceat(lower, self._starts, out=distance)
+        return near
+
+    def _compute(self, pair: int) -> None:
+        """Distance and line of a pair of shapes whose placements are up to date."""
+        result = pin.computeDistance(self._geometry, self._results, pair)
+        distance = result.min_distance
+        if not abs(distance) < FAILED:
+            request = self._results.distanceRequests[pair]
+            _set_tolerance(request, COARSE)
+            result = pin.computeDistance(self._geometry, self._results, pair)
+            _set_tolerance(request, TOLERANCE)
+            distance = result.min_distance
+        # coal's normal leads from the first shape to the second.
+        x, y, z = result.normal.tolist()
+        if not 0.5 < x * x + y * y + z * z < 2.0:
+            x, y, z = self._any_normal(pair)
+        a, b, c = result.getNearestPoint1().tolist()
+        self._known[pair] = self._lower[pair] = distance
+        self._lines[pair] = -x, -y, -z, c * y - b * z, a * z - c * x, b * x - a * y
+
+    def _any_normal(self, pair: int) -> list[float]:
+        """Direction (3,) from the middle of one shape to that of the other, or any."""
+        ends = self._geometry.collisionPairs[pair]
+        one, other = (self._results.oMg[i].translation for i in (ends.first, ends.second))
+        way = other - one
+        length = float(np.linalg.norm(way))
+        return (way / length).tolist() if length > 0.0 else [0.0, 0.0, -1.0]
+
+    def _fill_slope(self, rows: NDArray[np.intp]) -> None:
+        if len(self._lower) == len(self.names):
+            pairs = rows
+        else:
+            pairs = np.array([self._nearest_pair(row) for row in rows])
+        # Pinocchio's Jacobian is of twists at the origin; a single column arrives as a vector.
+        J = self.robot.data.J.reshape(6, -1)
+        slope = (self._lines[pairs] @ J) * self._sides_of[rows]
+        coupling = self.robot.coupling
+        self.slope[rows] = slope if coupling is None else slope @ coupling.S
+
+    def _nearest_pair(self, row: int) -> int:
+        start = int(self._starts[row])
+        end = start + int(np.count_nonzero(self._row_of == row))
+        return start + int(np.argmin(self._lower[start:end]))
+
+    def _add(self, link: str, shape: Shape, added: dict[tuple[str, int], int]) -> int:
+        """Index of a link's shape, which many rows may have."""
+        key = (link, id(shape))
+        if key not in added:
+            joint, placement = body_place(self.robot, link)
+            added[key] = self._place(f'{link} {len(added)}', joint, shape.moved(placement))
+        return added[key]
+
+    def _place(self, name: str, joint: int, shape: Shape) -> int:
+        geometry = pin.GeometryObject(name, joint, shape.pose, shape.geometry())
+        self._hulls.append(shape.hull())
+        return self._geometry.addGeometryObject(geometry)
+
+    def _pair_reach(self, a: int, b: int) -> Vector:
+        """Bound (n,) on the derivative of the distance between two shapes.
+
+        A joint moves the one as seen from the other by no more than either is away from its
+        axis: the normal's moment about the axis is that of both nearest points.
+        """
+        joints = [self._geometry.geometryObjects[i].parentJoint for i in (a, b)]
+        bounds = []
+        for shape, path in ((a, joints), (b, joints[::-1])):
+            hull, radius = self._hulls[shape]
+            way = joint_path(self.robot.model, *path)
+            bounds.append(self.robot.path_reach(way, hull, radius))
+            if self._obstacle is not None:
+                break
+        return np.min(bounds, axis=0)
+
+    def _sides(self, row: Row) -> Vector:
+        """For the model's joints whether they move the link (1), the other (-1) or both (0)."""
+        model = self.robot.model
+        start = body_place(self.robot, row.link)[0]
+        end = 0 if row.other is None else body_place(self.robot, row.other)[0]
+        sides = np.zeros(model.nv)
+        for joint, up in joint_path(model, start, end):
+            sides[model.joints[joint].idx_v] = 1.0 if up else -1.0
+        return sides
+
+
+def _set_tolerance(request: coal.DistanceRequest, value: float) -> None:
+    request.gjk_tolerance = request.epa_tolerance = value
+
+
+def _start_afresh(request: coal.DistanceRequest) -> None:
+    """Let no iterations start from where those before have ended: same state, same distance."""
+    with warnings.catch_warnings():
+        # coal's newer setting does not switch this one off.
+        warnings.simplefilter('ignore', DeprecationWarning)
+        request.enable_cached_gjk_guess = False
