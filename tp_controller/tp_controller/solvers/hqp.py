@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tp_controller.solvers.base import Solver
 from tp_controller.solvers.problem import Bounds, Levels
+from tp_controller.solvers.working_set import BROKEN
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -28,6 +29,13 @@ class HQPSolver(Solver):
     Else the levels compete inside the bounds. Damping acts on what they ask for: where there is
     any, the equalities ask for ``J qd_r`` with the recursion's qd_r, which is all that they
     would get near a singularity, otherwise for their velocities themselves.
+
+    Attributes
+    ----------
+    proven
+        Whether the last answer is known to be the optimum; one that is not is inside the bounds.
+    problem
+        The levels as a `LexicographicProblem`, which tells what stopped them.
     """
 
     type = 'hqp'
@@ -50,10 +58,11 @@ class HQPSolver(Solver):
         self.problem = LexicographicProblem(n, self._starts, sided, self.metric)
         self._work = self._kernel.workspace(k, n)
         self._endless, self._unused = np.full(n, np.inf), np.ones(len(self._groups) + 1)
-        self._asked, self._moved, self._got = np.zeros(k), np.zeros(k), np.zeros(k)
+        self._asked, self._moved = np.zeros(k), np.zeros(k)
         self._free = np.zeros(n)
         self._lower, self._upper = np.zeros(n), np.zeros(n)
         self._bounds: Bounds | None = None
+        self.proven = True
         self._shares = np.ones(len(self._groups))
 
     def _set_rules(self) -> None:
@@ -109,19 +118,26 @@ class HQPSolver(Solver):
         asked[:] = velocity
         if self._damped:
             np.copyto(asked, self._moved, where=self._equal)
+        self._qd, self._bounds = qd, bounds
+        self._shares[:] = 1.0
         if self._suits(J, velocity, bounds):
             qd[:] = self._free
             self.problem.take(J, asked)
-        else:
-            # Copies: the robot's may not be written to, which makes them another type to numba.
-            self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
-            self.problem.solve(J, asked, self._lower, self._upper, qd)
-        self._qd, self._bounds = qd, bounds
-        if self._one_sided.size:
-            self._note_acting(qd)
-        self._shares[:] = 1.0
-        if (self.problem.stopped_joints >= 0).any():
-            self._note_shares(J, asked, qd)
+            self.proven = True
+            self.acting[self._one_sided] = False
+            return 1.0
+        # Copies: the robot's may not be written to, which makes them another type to numba.
+        self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
+        self.proven = self.problem.solve(J, asked, self._lower, self._upper, qd)
+        np.dot(J, qd, out=self._moved)
+        rows = self._one_sided
+        if rows.size:
+            stops = self.problem.stopped_rows[rows] >= 0
+            self.acting[rows] = stops | (self._moved[rows] < velocity[rows] - BROKEN)
+        stopped = self.problem.stopped_joints
+        # The smallest norm, a level below all, asks for nothing.
+        if ((stopped >= 0) & (stopped < len(self._groups))).any():
+            self._note_shares(asked)
         return float(self._shares.min(initial=1.0))
 
     def _suits(self, J: Matrix, velocity: Vector, bounds: Bounds) -> bool:
@@ -135,17 +151,11 @@ class HQPSolver(Solver):
         broken = rows[~(self._moved[rows] >= velocity[rows])]
         return not (broken.size and J[broken].any())
 
-    def _note_acting(self, qd: Vector) -> None:
-        rows = self._one_sided
-        stops = self.problem.stopped_rows[rows] >= 0
-        self.acting[rows] = stops | (self.problem.violation(qd)[rows] > 0.0)
-
-    def _note_shares(self, J: Matrix, asked: Vector, qd: Vector) -> None:
-        np.dot(J, qd, out=self._got)
+    def _note_shares(self, asked: Vector) -> None:
         wish = asked * self._equal
         first = self._starts[:-1]
         sizes = np.add.reduceat(wish * wish, first)
         np.divide(
-            np.add.reduceat(wish * self._got, first), sizes, out=self._shares, where=sizes > 0.0
+            np.add.reduceat(wish * self._moved, first), sizes, out=self._shares, where=sizes > 0.0
         )
         np.clip(self._shares, 0.0, 1.0, out=self._shares)
