@@ -30,6 +30,8 @@ ROS_KEYS = {
     'rich': 'python3-rich',
     'yaml': 'python3-yaml',
 }
+# Modules without a ROS key, which tools/setup.sh installs.
+WITHOUT_KEY = {'daqp'}
 
 
 def check_colcon() -> Iterator[str]:
@@ -104,7 +106,7 @@ def check_dependencies(package: Package) -> Iterator[str]:
     """Look for modules that the package imports without declaring them."""
     declared = {depend.name for depend in package.exec_depends} | {package.name}
     for path in sorted((ROOT / package.name / package.name).rglob('*.py')):
-        for module in sorted(imported_modules(path) - sys.stdlib_module_names):
+        for module in sorted(imported_modules(path) - sys.stdlib_module_names - WITHOUT_KEY):
             key = ROS_KEYS.get(module, module)
             if key not in declared:
                 place = path.relative_to(ROOT)

@@ -127,7 +127,7 @@ build_packages() {
   logged colcon build --symlink-install
   say 'compiling the solver'
   PYTHONPATH=tp_controller${PYTHONPATH:+:$PYTHONPATH} \
-    logged python -c 'import tp_controller.braking, tp_controller.robot.bounds, tp_controller.solvers.kernel'
+    logged python -c 'import tp_controller.braking, tp_controller.robot.bounds, tp_controller.solvers.lexicographic'
   packages_state >install/state
 }
 

@@ -3,6 +3,7 @@
 from tp_controller.solvers.augmented import AugmentedSolver
 from tp_controller.solvers.base import SATURATIONS, Solver
 from tp_controller.solvers.extended_jacobian import ExtendedJacobianSolver
+from tp_controller.solvers.hqp import HQPSolver
 from tp_controller.solvers.inverses import DEFAULT, INVERSES, Inverse
 from tp_controller.solvers.problem import Bounds, Levels, Rows
 from tp_controller.solvers.projected_gradient import ProjectedGradientSolver
@@ -17,6 +18,7 @@ SOLVER_TYPES: dict[str, type[Solver]] = {
         ExtendedJacobianSolver,
         WeightedSolver,
         ProjectedGradientSolver,
+        HQPSolver,
     )
 }
 """Solver classes by the ``solver.type`` of parameter files."""
@@ -29,6 +31,7 @@ __all__ = [
     'AugmentedSolver',
     'Bounds',
     'ExtendedJacobianSolver',
+    'HQPSolver',
     'Inverse',
     'Levels',
     'ProjectedGradientSolver',

@@ -1,0 +1,161 @@
+"""Hierarchical quadratic programming."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.solvers.base import Solver
+from tp_controller.solvers.problem import Bounds, Levels
+from tp_controller.solvers.working_set import BROKEN
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+class HQPSolver(Solver):
+    """Strict levels inside the joints' bounds, which are part of the problem.
+
+    Level by level, highest first, the squared violations of the level's rows are minimised
+    inside the bounds of the joints, keeping what the levels above got; one-sided tasks are
+    inequalities (Kanoun, Lamiraux and Wieber 2011; Escande, Mansard and Wieber 2014). See
+    `LexicographicProblem`. The bounds are all limits together, so ``saturation`` is without
+    effect: no level loses more than the bounds and the levels above it cost.
+
+    First the recursion of `RecursiveSolver` answers the equalities alone, without bounds, by
+    the levels' own inverses. If that breaks no bound and no one-sided row, it is the answer.
+    Else the levels compete inside the bounds. Damping acts on what they ask for: where there is
+    any, the equalities ask for ``J qd_r`` with the recursion's qd_r, which is all that they
+    would get near a singularity, otherwise for their velocities themselves.
+
+    Attributes
+    ----------
+    proven
+        Whether the last answer is known to be the optimum; one that is not is inside the bounds.
+    problem
+        The levels as a `LexicographicProblem`, which tells what stopped them.
+    """
+
+    type = 'hqp'
+
+    def arrange(self, levels: Levels) -> Levels:
+        """Groups of tasks that are resolved together: every level by itself."""
+        return levels
+
+    def prepare(
+        self, levels: Levels, jacobian_at: Callable[[Vector], Matrix] | None = None
+    ) -> None:
+        """Get ready for levels; see `Solver.prepare`."""
+        super().prepare(levels, jacobian_at)
+        from tp_controller.solvers.lexicographic import LexicographicProblem
+
+        n, k = self.n, self.k
+        sided = np.zeros(k, dtype=np.bool_)
+        sided[self._one_sided] = True
+        self._equal = ~sided
+        self.problem = LexicographicProblem(n, self._starts, sided, self.metric)
+        self._work = self._kernel.workspace(k, n)
+        self._endless, self._unused = np.full(n, np.inf), np.ones(len(self._groups) + 1)
+        self._asked, self._moved = np.zeros(k), np.zeros(k)
+        self._free = np.zeros(n)
+        self._lower, self._upper = np.zeros(n), np.zeros(n)
+        self._bounds: Bounds | None = None
+        self.proven = True
+        self._shares = np.ones(len(self._groups))
+
+    def _set_rules(self) -> None:
+        super()._set_rules()
+        always = [not all(task.one_sided for task in group) for group in self._groups]
+        self._damped = bool(self._rules[always, 0].any())
+
+    @property
+    def shares(self) -> Vector:
+        """What bounds left to each group (groups,) in the last step; a copy."""
+        return self._shares.copy()
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Which joints the last step held at the bound that their range sets (n,); a copy."""
+        stopped = self.problem.stopped_joints >= 0
+        if self._bounds is None or not self._bounds.ranged:
+            return np.zeros(self.n, dtype=np.bool_)
+        at_lower = stopped & (self._qd <= self._bounds.range_lower)
+        held: NDArray[np.bool_] = at_lower | (stopped & (self._qd >= self._bounds.range_upper))
+        return held
+
+    @property
+    def scale(self) -> float:
+        """What uniform scaling left of the last step's velocity: all of it."""
+        return 1.0
+
+    def solve(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
+        """Write the joint velocity (n,) to ``qd``; see `Solver.solve`.
+
+        Returns
+        -------
+        float
+            1 where no joint's bound stopped a level. Else the least share of what is asked for
+            that any level of equalities gets, levels above and bounds taken together.
+        """
+        if not self._kernel.resolve(
+            J,
+            velocity,
+            self._equal,
+            self._starts,
+            self._rules,
+            self._basis,
+            self._tolerance,
+            self._endless,
+            self._work,
+            self._unused,
+            self._free,
+        ):
+            raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
+        np.dot(J, self._free, out=self._moved)
+        asked = self._asked
+        asked[:] = velocity
+        if self._damped:
+            np.copyto(asked, self._moved, where=self._equal)
+        self._qd, self._bounds = qd, bounds
+        self._shares[:] = 1.0
+        if self._suits(J, velocity, bounds):
+            qd[:] = self._free
+            self.problem.take(J, asked)
+            self.proven = True
+            self.acting[self._one_sided] = False
+            return 1.0
+        # Copies: the robot's may not be written to, which makes them another type to numba.
+        self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
+        self.proven = self.problem.solve(J, asked, self._lower, self._upper, qd)
+        np.dot(J, qd, out=self._moved)
+        rows = self._one_sided
+        if rows.size:
+            stops = self.problem.stopped_rows[rows] >= 0
+            self.acting[rows] = stops | (self._moved[rows] < velocity[rows] - BROKEN)
+        stopped = self.problem.stopped_joints
+        # The smallest norm, a level below all, asks for nothing.
+        if ((stopped >= 0) & (stopped < len(self._groups))).any():
+            self._note_shares(asked)
+        return float(self._shares.min(initial=1.0))
+
+    def _suits(self, J: Matrix, velocity: Vector, bounds: Bounds) -> bool:
+        """Whether the recursion's answer is inside the bounds and breaks no one-sided row."""
+        # Asked this way round, what is not a number does not suit.
+        if not self._kernel.outside(self._free, bounds.soon_lower, bounds.soon_upper) <= 0.0:
+            return False
+        rows = self._one_sided
+        if not rows.size:
+            return True
+        broken = rows[~(self._moved[rows] >= velocity[rows])]
+        return not (broken.size and J[broken].any())
+
+    def _note_shares(self, asked: Vector) -> None:
+        wish = asked * self._equal
+        first = self._starts[:-1]
+        sizes = np.add.reduceat(wish * wish, first)
+        np.divide(
+            np.add.reduceat(wish * self._moved, first), sizes, out=self._shares, where=sizes > 0.0
+        )
+        np.clip(self._shares, 0.0, 1.0, out=self._shares)
