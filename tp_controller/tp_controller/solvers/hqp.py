@@ -28,7 +28,10 @@ class HQPSolver(Solver):
     the levels' own inverses. If that breaks no bound and no one-sided row, it is the answer.
     Else the levels compete inside the bounds. Damping acts on what they ask for: where there is
     any, the equalities ask for ``J qd_r`` with the recursion's qd_r, which is all that they
-    would get near a singularity, otherwise for their velocities themselves.
+    would get near a singularity, otherwise for their velocities themselves. What stops a level
+    may make it singular in the freedom that is left, so with damping there is a second pass:
+    every level then asks for what the recursion gives it together with the one-sided rows and
+    the ends of ranges that stopped it, or a level above, in the first.
 
     Attributes
     ----------
@@ -56,7 +59,11 @@ class HQPSolver(Solver):
         sided[self._one_sided] = True
         self._equal = ~sided
         self.problem = LexicographicProblem(n, self._starts, sided, self.metric)
-        self._work = self._kernel.workspace(k, n)
+        # The recursion's levels, and above them joints at the ends of their ranges.
+        self._work = self._kernel.workspace(n + k, n)
+        self._rows, self._wish = np.vstack([np.eye(n), np.zeros((k, n))]), np.zeros(n + k)
+        self._acts = np.zeros(n + k, dtype=np.bool_)
+        self._firsts = np.concatenate([[0], n + self._starts])
         self._endless, self._unused = np.full(n, np.inf), np.ones(len(self._groups) + 1)
         self._asked, self._moved = np.zeros(k), np.zeros(k)
         self._free = np.zeros(n)
@@ -69,6 +76,7 @@ class HQPSolver(Solver):
         super()._set_rules()
         always = [not all(task.one_sided for task in group) for group in self._groups]
         self._damped = bool(self._rules[always, 0].any())
+        self._all_rules = np.vstack([[0.0, np.inf], self._rules])
 
     @property
     def shares(self) -> Vector:
@@ -78,12 +86,17 @@ class HQPSolver(Solver):
     @property
     def held(self) -> NDArray[np.bool_]:
         """Which joints the last step held at the bound that their range sets (n,); a copy."""
-        stopped = self.problem.stopped_joints >= 0
-        if self._bounds is None or not self._bounds.ranged:
+        if self._bounds is None:
             return np.zeros(self.n, dtype=np.bool_)
-        at_lower = stopped & (self._qd <= self._bounds.range_lower)
-        held: NDArray[np.bool_] = at_lower | (stopped & (self._qd >= self._bounds.range_upper))
-        return held
+        held: NDArray[np.bool_] = self._at_end(self._bounds, self._qd)
+        return held & (self.problem.stopped_joints >= 0)
+
+    def _at_end(self, bounds: Bounds, qd: Vector) -> NDArray[np.bool_]:
+        """Whether each joint is at the bound that its range sets (n,)."""
+        if not bounds.ranged:
+            return np.zeros(self.n, dtype=np.bool_)
+        at_end: NDArray[np.bool_] = (qd <= bounds.range_lower) | (qd >= bounds.range_upper)
+        return at_end
 
     @property
     def scale(self) -> float:
@@ -99,20 +112,10 @@ class HQPSolver(Solver):
             1 where no joint's bound stopped a level. Else the least share of what is asked for
             that any level of equalities gets, levels above and bounds taken together.
         """
-        if not self._kernel.resolve(
-            J,
-            velocity,
-            self._equal,
-            self._starts,
-            self._rules,
-            self._basis,
-            self._tolerance,
-            self._endless,
-            self._work,
-            self._unused,
-            self._free,
-        ):
-            raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
+        self._rows[self.n :], self._wish[self.n :] = J, velocity
+        self._acts[: self.n] = False
+        self._acts[self.n :] = self._equal
+        self._recur()
         np.dot(J, self._free, out=self._moved)
         asked = self._asked
         asked[:] = velocity
@@ -129,6 +132,8 @@ class HQPSolver(Solver):
         # Copies: the robot's may not be written to, which makes them another type to numba.
         self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
         self.proven = self.problem.solve(J, asked, self._lower, self._upper, qd)
+        if self._damped and self._ask_again(bounds, qd):
+            self.proven = self.problem.solve(J, asked, self._lower, self._upper, qd)
         np.dot(J, qd, out=self._moved)
         rows = self._one_sided
         if rows.size:
@@ -139,6 +144,46 @@ class HQPSolver(Solver):
         if ((stopped >= 0) & (stopped < len(self._groups))).any():
             self._note_shares(asked)
         return float(self._shares.min(initial=1.0))
+
+    def _recur(self) -> None:
+        """Fill the recursion's answer to the rows that act."""
+        if not self._kernel.resolve(
+            self._rows,
+            self._wish,
+            self._acts,
+            self._firsts,
+            self._all_rules,
+            self._basis,
+            self._tolerance,
+            self._endless,
+            self._work,
+            self._unused,
+            self._free,
+        ):
+            raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
+
+    def _ask_again(self, bounds: Bounds, qd: Vector) -> bool:
+        """Fill what levels ask for with what stopped them; whether anything did."""
+        n, stopped = self.n, self.problem.stopped_rows
+        joints = np.where(self._at_end(bounds, qd), self.problem.stopped_joints, -1)
+        latest = max(int(stopped.max(initial=-1)), int(joints.max()))
+        if latest < 0:
+            return False
+        self._wish[:n] = qd
+        first = True
+        for level in range(len(self._groups)):
+            rows = slice(self._starts[level], self._starts[level + 1])
+            if not self._equal[rows].any():
+                continue
+            # Below the last level that was stopped nothing new comes in.
+            if level <= latest or first:
+                first = False
+                self._acts[:n] = (joints >= 0) & (joints <= level)
+                self._acts[n:] = self._equal | ((stopped >= 0) & (stopped <= level))
+                self._recur()
+            asked = self._rows[n:][rows] @ self._free
+            np.copyto(self._asked[rows], asked, where=self._equal[rows])
+        return True
 
     def _suits(self, J: Matrix, velocity: Vector, bounds: Bounds) -> bool:
         """Whether the recursion's answer is inside the bounds and breaks no one-sided row."""
