@@ -187,6 +187,78 @@ def coast(v, acceleration, dt, together, steps, way, speed):  # type: ignore[no-
         way[i], speed[i] = math.copysign(dt * total, v[i]), math.copysign(left, v[i])
 
 
+@njit(
+    int64(
+        COLUMN,
+        COLUMN,
+        FIXED,
+        FIXED,
+        FIXED,
+        float64,
+        boolean,
+        COLUMN,
+        COLUMN,
+        float64[:, ::1],
+        COLUMN,
+        COLUMN,
+        boolean[::1],
+    ),
+    cache=True,
+)
+def doubts(  # type: ignore[no-untyped-def]
+    q,
+    command,
+    position_min,
+    position_max,
+    acceleration,
+    dt,
+    together,
+    distance,
+    required,
+    reach,
+    rest,
+    spare,
+    doubtful,
+):
+    """Find distances that could become too small until the arm has stopped.
+
+    Parameters
+    ----------
+    q, command
+        Configuration and the velocities (n,) of the step.
+    position_min, position_max, acceleration, dt, together
+        As `bound` and `coast`.
+    distance, required
+        Distances (k,) and what each must not fall below.
+    reach
+        Bound (k, n) on their derivative.
+    rest, spare, doubtful
+        Results: how far the joints get in braking (n,), nothing (n,), and which distances
+        could become too small (k,).
+
+    Returns
+    -------
+    int
+        How many these are; -1 if braking together leads a joint out of its range.
+    """
+    coast(command, acceleration, dt, together, -1, rest, spare)
+    if together:
+        for i in range(q.size):
+            end = q[i] + dt * command[i] + rest[i]
+            if rest[i] != 0.0 and not position_min[i] <= end <= position_max[i]:
+                return -1
+    count = 0
+    for row in range(distance.size):
+        way = 0.0
+        for i in range(q.size):
+            # No joint turns back while it brakes: the lengths of the ways add up.
+            way += reach[row, i] * (dt * abs(command[i]) + abs(rest[i]))
+        doubtful[row] = distance[row] - required[row] < way
+        if doubtful[row]:
+            count += 1
+    return count
+
+
 def steps_to_rest(v: np.ndarray, acceleration: np.ndarray, dt: float) -> int:
     """How many steps the slowest joint needs from velocities (n,) to standstill."""
     return int(np.ceil(np.max(np.abs(v) / (acceleration * dt) - ROUNDING, initial=0.0)))

@@ -58,7 +58,7 @@ class Guard:
     def __init__(self, robot: Robot, period: float = math.inf) -> None:
         self._robot = robot
         self.period = period
-        self._before: Vector = np.zeros(robot.n)
+        self._before, self._rest, self._way, self._speed, self._q = np.zeros((5, robot.n))
         self._limits: Limits | None = None
         self._together = True
         self._short: tuple[str, ...] = ()
@@ -91,6 +91,7 @@ class Guard:
         self._clear = np.minimum(0.1 * np.concatenate([*margins, np.zeros(0)]), CLEAR)
         self._lowest, self._found = self._clear.copy(), self._clear.copy()
         self._distance, self._required = np.zeros((2, rows))
+        self._doubtful = np.zeros(rows, dtype=np.bool_)
 
     @property
     def kept(self) -> tuple[str, ...]:
@@ -163,7 +164,9 @@ class Guard:
                 command,
             )
         if self._tasks:
-            self._look_ahead(q, command)
+            # The configuration given may be the robot's own, which moves meanwhile.
+            self._q[:] = q
+            self._look_ahead(self._q, command)
         self._before[:] = command
 
     def _look_ahead(self, q: Vector, command: Vector) -> None:
@@ -197,21 +200,31 @@ class Guard:
 
     def _stops(self, q: Vector, command: Vector, together: bool) -> bool:
         """Whether every distance stays above what is required, until the arm has stopped."""
-        acceleration, dt = self._robot.limits.acceleration, self.period
-        rest, way, speed = np.zeros((3, self._robot.n))
-        self._braking.coast(command, acceleration, dt, together, -1, rest, speed)
-        if together and self._accelerates and not self._in_range(q + dt * command + rest):
+        limits, dt = self._robot.limits, self.period
+        acceleration = limits.acceleration
+        rest, way, speed, doubtful = self._rest, self._way, self._speed, self._doubtful
+        doubts = self._braking.doubts(
+            q,
+            command,
+            limits.position_min,
+            limits.position_max,
+            acceleration,
+            dt,
+            together,
+            self._distance,
+            self._required,
+            self._reach,
+            rest,
+            speed,
+            doubtful,
+        )
+        if doubts < 0:
             return False
-        room = self._distance - self._required
-        # No joint turns back while it brakes: the lengths of the ways add up.
-        doubtful = room < self._reach @ (dt * np.abs(command) + np.abs(rest))
         np.minimum(self._distance, self._clear, out=self._found)
-        if not doubtful.any():
+        if doubts == 0:
             return True
-        # The configuration given may be the robot's own, which moves now.
-        q = q.copy()
         near = [(task, part) for task, part in self._tasks if doubtful[part].any()]
-        distance = np.full(room.size, np.inf)
+        distance = np.full(doubtful.size, np.inf)
         last, steps = self._braking.steps_to_rest(command, acceleration, dt), 0
         try:
             while True:
@@ -234,11 +247,6 @@ class Guard:
                 steps += max(1, int(min(ahead, last)))
         finally:
             self._robot.update(q)
-
-    def _in_range(self, q: Vector) -> bool:
-        """Whether no joint leaves its range;."""
-        limits = self._robot.limits
-        return bool(np.all(q >= limits.position_min) and np.all(q <= limits.position_max))
 
     def active_limits(self, command: Vector) -> list[str]:
         """Which limits a command (n,) that was sent meets, by joint, and who stopped it."""

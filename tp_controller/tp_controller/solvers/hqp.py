@@ -14,6 +14,9 @@ from tp_controller.solvers.working_set import BROKEN
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
+BINDING = 1e-6
+"""A one-sided row [m/s, rad/s] this near to its least rate is at it."""
+
 
 class HQPSolver(Solver):
     """Strict levels inside the joints' bounds, which are part of the problem.
@@ -52,8 +55,10 @@ class HQPSolver(Solver):
     ) -> None:
         """Get ready for levels; see `Solver.prepare`."""
         super().prepare(levels, jacobian_at)
+        from tp_controller.solvers import hqp_kernel
         from tp_controller.solvers.lexicographic import LexicographicProblem
 
+        self._second = hqp_kernel
         n, k = self.n, self.k
         sided = np.zeros(k, dtype=np.bool_)
         sided[self._one_sided] = True
@@ -64,8 +69,10 @@ class HQPSolver(Solver):
         self._rows, self._wish = np.vstack([np.eye(n), np.zeros((k, n))]), np.zeros(n + k)
         self._acts = np.zeros(n + k, dtype=np.bool_)
         self._firsts = np.concatenate([[0], n + self._starts])
+        self._was_rows = np.zeros(k, dtype=np.int64)
+        self._was_joints, self._joints = np.zeros((2, n), dtype=np.int64)
         self._endless, self._unused = np.full(n, np.inf), np.ones(len(self._groups) + 1)
-        self._asked, self._moved = np.zeros(k), np.zeros(k)
+        self._asked, self._again, self._moved = np.zeros((3, k))
         self._free = np.zeros(n)
         self._lower, self._upper = np.zeros(n), np.zeros(n)
         self._bounds: Bounds | None = None
@@ -132,14 +139,14 @@ class HQPSolver(Solver):
         # Copies: the robot's may not be written to, which makes them another type to numba.
         self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
         self.proven = self.problem.solve(J, asked, self._lower, self._upper, qd)
-        if self._damped and self._ask_again(bounds, qd):
-            self.proven = self.problem.solve(J, asked, self._lower, self._upper, qd)
+        problem, rows = self.problem, self._one_sided
+        if self._damped:
+            self._pass_again(J, velocity, bounds, qd)
         np.dot(J, qd, out=self._moved)
-        rows = self._one_sided
         if rows.size:
-            stops = self.problem.stopped_rows[rows] >= 0
+            stops = problem.stopped_rows[rows] >= 0
             self.acting[rows] = stops | (self._moved[rows] < velocity[rows] - BROKEN)
-        stopped = self.problem.stopped_joints
+        stopped = problem.stopped_joints
         # The smallest norm, a level below all, asks for nothing.
         if ((stopped >= 0) & (stopped < len(self._groups))).any():
             self._note_shares(asked)
@@ -162,28 +169,53 @@ class HQPSolver(Solver):
         ):
             raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
 
-    def _ask_again(self, bounds: Bounds, qd: Vector) -> bool:
-        """Fill what levels ask for with what stopped them; whether anything did."""
-        n, stopped = self.n, self.problem.stopped_rows
-        joints = np.where(self._at_end(bounds, qd), self.problem.stopped_joints, -1)
-        latest = max(int(stopped.max(initial=-1)), int(joints.max()))
-        if latest < 0:
-            return False
-        self._wish[:n] = qd
-        first = True
-        for level in range(len(self._groups)):
-            rows = slice(self._starts[level], self._starts[level + 1])
-            if not self._equal[rows].any():
-                continue
-            # Below the last level that was stopped nothing new comes in.
-            if level <= latest or first:
-                first = False
-                self._acts[:n] = (joints >= 0) & (joints <= level)
-                self._acts[n:] = self._equal | ((stopped >= 0) & (stopped <= level))
-                self._recur()
-            asked = self._rows[n:][rows] @ self._free
-            np.copyto(self._asked[rows], asked, where=self._equal[rows])
-        return True
+    def _pass_again(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> None:
+        """Let levels ask for what they get together with what stopped them, if anything did."""
+        problem, second = self.problem, self._second
+        self._was_rows[:], self._was_joints[:] = problem.stopped_rows, problem.stopped_joints
+        self._joints[:], self._free[:], self._again[:] = problem.stopped_joints, qd, self._asked
+        found = second.ask_again(
+            self._rows,
+            self._wish,
+            self._acts,
+            self._firsts,
+            self._all_rules,
+            self._basis,
+            self._tolerance,
+            self._endless,
+            self._work,
+            self._unused,
+            self._equal,
+            self._was_rows,
+            self._joints,
+            bounds.range_lower,
+            bounds.range_upper,
+            self._again,
+            self._free,
+        )
+        if found == second.NOTHING:
+            return
+        if found < 0:
+            raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
+        np.dot(J, self._free, out=self._moved)
+        if found == second.ONE and self._suits(J, velocity - BROKEN, bounds):
+            qd[:] = self._free
+        else:
+            self.proven = problem.solve(J, self._again, self._lower, self._upper, qd)
+            np.dot(J, qd, out=self._moved)
+        # What stopped the first pass is in what the second asks for, and stops nothing there.
+        second.merge(
+            problem.stopped_rows,
+            problem.stopped_joints,
+            self._was_rows,
+            self._was_joints,
+            self._moved,
+            velocity,
+            qd,
+            self._lower,
+            self._upper,
+            BINDING,
+        )
 
     def _suits(self, J: Matrix, velocity: Vector, bounds: Bounds) -> bool:
         """Whether the recursion's answer is inside the bounds and breaks no one-sided row."""

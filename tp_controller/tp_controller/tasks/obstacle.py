@@ -170,12 +170,15 @@ class ObstacleTask(SetBasedTask):
 
     def measure(self) -> None:
         """Fill the distance from the surface and its derivative."""
-        way = self.frame.position[self.rows] - self._target
-        length = math.sqrt(way @ way)
-        # In the very centre every direction leads out.
-        outward = way / length if length > 0.0 else np.eye(len(self.rows))[0]
-        self.distance[0] = length - self.radius
-        np.dot(outward, self.frame.jacobian[self.rows], out=self._slope[0])
+        self._compiled.sphere(
+            self.frame.position,
+            self.rows,
+            self._target,
+            self.radius,
+            self.frame.jacobian,
+            self.distance,
+            self._slope,
+        )
 
     def probe(self, out: Vector) -> None:
         """Write the distance from the surface at the robot's present configuration to ``out``."""

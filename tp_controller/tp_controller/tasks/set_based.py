@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -191,7 +192,13 @@ class SetBasedTask(Task):
         self.activation, self.release, self.margin = activation, activation, margin
         self._time = (activation - margin) / fastest if fastest > 0.0 else 1.0
         self._edge = margin + speed * self._time
-        self._ahead = np.zeros(self.k)
+
+    @cached_property
+    def _compiled(self) -> Any:
+        """Module that is compiled, or loaded, for tasks that are resolved."""
+        from tp_controller.tasks import damper
+
+        return damper
 
     def _take_thresholds(self, switching: Switching) -> None:
         if switching.margin is not None:
@@ -269,14 +276,20 @@ class SetBasedTask(Task):
         """Compute `distance`, `error` and `J` at the robot's present configuration."""
         self.measure()
         if self.one_sided:
-            np.less(self.distance, self._edge, out=self.on)
-            np.subtract(self.margin, self.distance, out=self.error)
-            np.maximum(self.error, 0.0, out=self.error)
-        else:
-            near = np.where(self.on, self.release, self.activation)
-            np.less_equal(self.distance, near, out=self.on)
-            self.error[:] = 0.0
-            np.subtract(self._beyond, self.distance, out=self.error, where=self.on)
+            self._compiled.switch(
+                self.distance,
+                self._slope,
+                self._edge,
+                self.margin,
+                self.on,
+                self.error,
+                self.J,
+            )
+            return
+        near = np.where(self.on, self.release, self.activation)
+        np.less_equal(self.distance, near, out=self.on)
+        self.error[:] = 0.0
+        np.subtract(self._beyond, self.distance, out=self.error, where=self.on)
         np.multiply(self._slope, self.on[:, None], out=self.J)
 
     def desired_velocity(self, out: Vector) -> None:
@@ -284,10 +297,17 @@ class SetBasedTask(Task):
 
         With smooth switching it is the least one that is allowed.
         """
-        super().desired_velocity(out)
-        if self.one_sided:
-            np.subtract(self.distance, self.margin, out=self._ahead)
-            np.maximum(self._ahead, 0.0, out=self._ahead)
-            self._ahead /= self._time
-            out -= self._ahead
-        np.copyto(out, 0.0, where=~self.on)
+        if not self.one_sided:
+            super().desired_velocity(out)
+            np.copyto(out, 0.0, where=~self.on)
+            return
+        self._compiled.least_rates(
+            self.distance,
+            self.on,
+            self.error,
+            self._K,
+            self._feedforward,
+            self.margin,
+            self._time,
+            out,
+        )

@@ -1,0 +1,153 @@
+"""The second pass of the hierarchical QP, compiled by numba: no allocation.
+
+It calls `kernel.resolve`; after a change there numba has to be told to compile it again, by
+removing its cache.
+"""
+
+from __future__ import annotations
+
+from numba import boolean, float64, int64, njit, types, void
+
+from tp_controller.solvers.kernel import resolve
+
+ROWS = float64[:, ::1]
+COLUMN = float64[::1]
+FIXED = types.Array(float64, 1, 'C', readonly=True)
+
+NOTHING, ONE, SEVERAL = 0, 1, 2
+"""What `ask_again` found: nothing stopped a level; one recursion answers all; several do."""
+
+
+@njit(
+    int64(
+        ROWS,
+        COLUMN,
+        boolean[::1],
+        int64[::1],
+        ROWS,
+        ROWS,
+        float64,
+        FIXED,
+        float64[:, :, ::1],
+        COLUMN,
+        boolean[::1],
+        int64[::1],
+        int64[::1],
+        COLUMN,
+        COLUMN,
+        COLUMN,
+        COLUMN,
+    ),
+    cache=True,
+)
+def ask_again(  # type: ignore[no-untyped-def]
+    J,
+    wish,
+    acts,
+    starts,
+    rules,
+    basis,
+    tolerance,
+    endless,
+    work,
+    shares,
+    equal,
+    stopped_rows,
+    stopped_joints,
+    range_lower,
+    range_upper,
+    asked,
+    qd,
+):
+    """Fill what levels ask for together with what stopped them.
+
+    Parameters
+    ----------
+    J, wish, acts, starts, rules, basis, tolerance, endless, work, shares
+        As `kernel.resolve`, with the n joints as rows of a level above all others.
+    equal
+        Which of the other rows always act (K,).
+    stopped_rows, stopped_joints
+        First level that each row (K,) and joint (n,) stopped, negative if none; joints that are
+        not at the ends of their ranges are taken out.
+    range_lower, range_upper
+        Between what the ranges let the joints move (n,).
+    asked
+        What the rows ask for (K,); those that always act are a result.
+    qd
+        Answer of the first pass (n,), and then the recursion's last one.
+
+    Returns
+    -------
+    int
+        `NOTHING`, `ONE` or `SEVERAL`; negative if a level is not finite.
+    """
+    n, k = qd.size, asked.size
+    stops = False
+    for i in range(n):
+        # Other limits come in anew with the second pass.
+        if range_lower[i] < qd[i] < range_upper[i]:
+            stopped_joints[i] = -1
+        stops = stops or stopped_joints[i] >= 0
+        wish[i] = qd[i]
+    for i in range(k):
+        stops = stops or stopped_rows[i] >= 0
+    found = NOTHING
+    last = -1
+    for level in range(starts.size - 2):
+        first, end = starts[level + 1] - n, starts[level + 2] - n
+        always = False
+        for row in range(first, end):
+            always = always or equal[row]
+        if not (stops and always):
+            continue
+        # Something new comes in only where a level was stopped.
+        new = found == NOTHING
+        for i in range(n):
+            new = new or last < stopped_joints[i] <= level
+        for i in range(k):
+            new = new or last < stopped_rows[i] <= level
+        if new:
+            for i in range(n):
+                acts[i] = 0 <= stopped_joints[i] <= level
+            for i in range(k):
+                acts[n + i] = equal[i] or 0 <= stopped_rows[i] <= level
+            if not resolve(
+                J, wish, acts, starts, rules, basis, tolerance, endless, work, shares, qd
+            ):
+                return -1
+            found = ONE if found == NOTHING else SEVERAL
+            last = level
+        for row in range(first, end):
+            if equal[row]:
+                asked[row] = 0.0
+                for c in range(n):
+                    asked[row] += J[n + row, c] * qd[c]
+    return found
+
+
+@njit(
+    void(
+        int64[::1],
+        int64[::1],
+        int64[::1],
+        int64[::1],
+        COLUMN,
+        COLUMN,
+        COLUMN,
+        COLUMN,
+        COLUMN,
+        float64,
+    ),
+    cache=True,
+)
+def merge(  # type: ignore[no-untyped-def]
+    rows, joints, was_rows, was_joints, moved, velocity, qd, lower, upper, binding
+):
+    """Add what stopped the first pass and still binds to what stopped the second."""
+    for i in range(rows.size):
+        if rows[i] < 0 and moved[i] <= velocity[i] + binding:
+            rows[i] = was_rows[i]
+    for i in range(joints.size):
+        if joints[i] < 0 and (qd[i] <= lower[i] or qd[i] >= upper[i]):
+            joints[i] = was_joints[i]

@@ -1,0 +1,75 @@
+"""Rows of set-based tasks with smooth switching, compiled by numba: no allocation."""
+
+from __future__ import annotations
+
+import math
+
+from numba import boolean, float64, int64, njit, types, void
+
+ROWS = float64[:, ::1]
+COLUMN = float64[::1]
+FIXED = types.Array(float64, 1, 'C', readonly=True)
+FIXED_ROWS = types.Array(float64, 2, 'A', readonly=True)
+
+
+@njit(void(COLUMN, ROWS, COLUMN, float64, boolean[::1], COLUMN, ROWS), cache=True)
+def switch(distance, slope, edge, margin, on, error, J):  # type: ignore[no-untyped-def]
+    """Let rows in that are nearer than their edges.
+
+    Parameters
+    ----------
+    distance, slope, edge
+        Distances (k,), their derivative (k, n), and how near they come in (k,).
+    margin
+        Distance that is kept.
+    on, error, J
+        Results: which rows are in (k,), how deep each is inside the margin (k,), and the
+        derivative of those that are in, for the others zero (k, n).
+    """
+    for i in range(distance.size):
+        on[i] = distance[i] < edge[i]
+        error[i] = max(margin - distance[i], 0.0)
+        for c in range(J.shape[1]):
+            J[i, c] = slope[i, c] if on[i] else 0.0
+
+
+@njit(void(COLUMN, boolean[::1], COLUMN, FIXED_ROWS, COLUMN, float64, float64, COLUMN), cache=True)
+def least_rates(distance, on, error, K, feedforward, margin, time, out):  # type: ignore[no-untyped-def]
+    """Fill the least rates (k,) of the distances of rows that are in, for the others zero."""
+    for i in range(out.size):
+        out[i] = 0.0
+        if not on[i]:
+            continue
+        rate = feedforward[i]
+        for j in range(out.size):
+            rate += K[i, j] * error[j]
+        out[i] = rate - max(distance[i] - margin, 0.0) / time
+
+
+@njit(void(FIXED, int64[::1], COLUMN, float64, FIXED_ROWS, COLUMN, ROWS), cache=True)
+def sphere(position, axes, center, radius, jacobian, distance, slope):  # type: ignore[no-untyped-def]
+    """Fill the distance (1,) of a point from a sphere and its derivative (1, n).
+
+    Parameters
+    ----------
+    position, jacobian
+        Of the point: (3,) and its linear velocity by the joints, in the first rows (6, n).
+    axes
+        Which coordinates count.
+    center, radius
+        Of the sphere, along these axes.
+    """
+    square = 0.0
+    for i in range(axes.size):
+        square += (position[axes[i]] - center[i]) ** 2
+    length = math.sqrt(square)
+    distance[0] = length - radius
+    for c in range(slope.shape[1]):
+        slope[0, c] = 0.0
+    for i in range(axes.size):
+        # In the very centre every direction leads out.
+        outward = 1.0 if i == 0 else 0.0
+        if length > 0.0:
+            outward = (position[axes[i]] - center[i]) / length
+        for c in range(slope.shape[1]):
+            slope[0, c] += outward * jacobian[axes[i], c]
