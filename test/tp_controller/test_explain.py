@@ -139,6 +139,68 @@ def test_a_joint_at_the_end_of_its_range_is_named():
     assert level.text == '2 to the range of joint_1'
 
 
+def test_the_hierarchical_program_tells_who_stopped_whom():
+    block = {
+        'robot': planar_block(1.0, 1.0) | {'limits': {'velocity': [5.0]}},
+        'rate': 100.0,
+        'solver': {'type': 'hqp', 'damping': 0.0},
+        'hierarchy': ['first', 'second'],
+        'tasks': {
+            'first': {'type': 'joint', 'joints': ['joint_1'], 'target': [8.0]},
+            'second': {'type': 'joint', 'joints': ['joint_1', 'joint_2'], 'target': [2.0, 0.5]},
+        },
+    }
+    stack = build_settings(block).stack
+    np.testing.assert_allclose(stack.step(np.zeros(2)).command, [5.0, 0.5], atol=1e-9)
+    first, second = explain(stack)
+    assert first.lost_to_levels == {'the limits of joint_1': pytest.approx(3.0)}
+    assert first.text == '3 to the limits of joint_1'
+    assert second.lost_to_levels == {'the limits of joint_1': pytest.approx(3.0)}
+    stack.tasks['first'].target = [3.0]
+    stack.step(np.zeros(2))
+    first, second = explain(stack)
+    assert first.text == ''
+    assert second.lost_to_levels == {'first': pytest.approx(1.0)}
+    assert (first.rank, second.rank) == (1, 1)
+
+
+@given(st.integers(0, 10_000), st.booleans())
+@examples(40)
+def test_what_is_lost_under_the_program_adds_up(seed, damped):
+    rng = np.random.default_rng(seed)
+    ends = {'frame': 'link_4', 'gain': [3.0]}
+    block = {
+        'robot': planar_block(1.0, 0.8, 0.6, 0.5)
+        | {'limits': {'velocity': [rng.uniform(0.3, 1.5)], 'acceleration': [20.0]}},
+        'rate': 50.0,
+        'solver': {'type': 'hqp', 'damping': 0.1 if damped else 0.0},
+        'hierarchy': ['ball', 'tip', 'turn'],
+        'tasks': {
+            'ball': {
+                'type': 'obstacle',
+                'frame': 'link_4',
+                'axes': 'xy',
+                'center': rng.uniform(-2.0, 2.0, 2).tolist(),
+                'radius': 0.5,
+            },
+            'tip': {'type': 'position', 'axes': 'xy', **ends},
+            'turn': {'type': 'orientation', 'axes': 'z', **ends},
+        },
+    }
+    stack, q = build_settings(block).stack, rng.uniform(-1.5, 1.5, 4)
+    stack.tasks['tip'].target = rng.uniform(-2.0, 2.0, 2)
+    stack.tasks['turn'].target = rng.uniform(-3.0, 3.0, 1)
+    for _ in range(30):
+        q = q + 0.02 * stack.step(q).command
+    for level, system in zip(explain(stack), stack.systems(), strict=True):
+        short = np.linalg.norm((system.requested - system.achieved)[system.counts])
+        assert level.shortfall == pytest.approx(float(short), abs=1e-6)
+        named = np.linalg.norm(list(level.lost_to_levels.values()))
+        parts = [level.lost_to_singularity, level.lost_to_damping, level.lost_to_guard]
+        assert level.lost_to_saturation == 0.0
+        assert short <= named * 1.1 + sum(parts) + 1e-5
+
+
 def test_a_scheme_without_levels_explains_none():
     block = {
         'robot': planar_block(1.0, 1.0),

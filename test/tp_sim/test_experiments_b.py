@@ -114,3 +114,32 @@ def test_an_activation_that_is_too_near_is_warned_of(lone_controller, switching,
     controller = lone_controller(changes, name='b1_obstacles')
     warning = f'tasks.obstacle_1.activation: {warning}'
     controller.client.wait_for(lambda: warning in controller.process.output, 'the warning')
+
+
+@pytest.mark.parametrize('scheme', ['recursive', 'hqp', 'weighted'])
+def test_b3_no_limit_is_broken_and_what_stands_in_the_way_is_told(config, scheme):
+    # A pause of the machine would bring the arm to rest at once.
+    patience = {'joint_state': 5.0}
+    changes = {'tp_controller': {'solver': {'type': scheme}, 'timeouts': patience}}
+    with ClosedLoop(config / 'b3_pressed.yaml', changes) as loop:
+        loop.send_goal('ee_position', [-0.2, 1.1])
+        loop.run(8.0)
+        record, state = loop.record, loop.client.state
+    assert min(record.distance[name].min() for name in CENTERS) >= 0.0
+    assert np.abs(record.q[:, 0]).max() <= 0.5
+    change = np.abs(np.diff(record.qd, axis=0)).max()
+    assert change <= 10.0 / 60.0 * (1.0 + 1e-9)
+    assert record.active['obstacle_1'][-1]
+    if scheme != 'weighted':
+        assert record.active['joint_1_range'][-1]
+        levels = {level.tasks[0]: level for level in state.levels}
+        assert set(levels['ee_position'].blocked_by) >= {'joint_1_range', 'obstacle_1'}
+
+
+def test_b3_a_goal_jump_meets_the_acceleration_limits_which_are_named(config):
+    with ClosedLoop(config / 'b3_pressed.yaml') as loop:
+        loop.send_goal('ee_position', [-0.9, 0.9])
+        loop.step(8)
+        limits = list(loop.client.state.active_limits)
+    assert limits
+    assert all(limit.split()[1] == 'acceleration' for limit in limits)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.solvers import RecursiveSolver
+from tp_controller.solvers import HQPSolver, RecursiveSolver
 from tp_controller.solvers.base import RANK_TOLERANCE
 from tp_controller.stack import Stack
 
@@ -39,8 +39,8 @@ class Explanation(NamedTuple):
     shortfall: float
     """``‖requested - achieved‖``."""
     lost_to_levels: Mapping[str, float]
-    """To levels above, by their tasks' names, and to joints at the ends of their ranges: what
-    would need freedom that they have taken."""
+    """To levels above, by their tasks' names, and to joints at their bounds: what would need
+    freedom that they have taken."""
     lost_to_singularity: float
     """What no joint could move, even without levels above."""
     lost_to_damping: float
@@ -75,7 +75,7 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
         One entry per level; none with a solver that does not resolve levels one by one.
     """
     solver = stack.solver
-    if not isinstance(solver, RecursiveSolver):
+    if not isinstance(solver, RecursiveSolver | HQPSolver):
         return ()
     # Loaded by the solver already; at the top it would be loaded to refuse a parameter file.
     from tp_controller.solvers.kernel import STILL
@@ -84,14 +84,15 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
     size = float(np.linalg.norm(T, 2))
     free = np.eye(T.shape[0])
     above: list[tuple[str, Matrix]] = []
-    for joint in np.flatnonzero(solver.held):
-        # A joint at the end of its range is a level above all others.
-        _, _, Vt = np.linalg.svd(T[joint : joint + 1] @ free)
-        above.append((f'the range of {stack.robot.joints[joint]}', Vt[:1] @ free.T))
-        free = free @ Vt[1:].T
+    ends = np.where(solver.held, 'range', 'limits')
     found = []
     rows = zip(solver.groups, solver.shares, solver.rules, stack.systems(), strict=True)
-    for group, share, (damping, region), system in rows:
+    for level, (group, share, (damping, region), system) in enumerate(rows):
+        for joint in np.flatnonzero(solver.stops == level):
+            # A joint at its bound takes one direction, from this level on.
+            _, _, Vt = np.linalg.svd(T[joint : joint + 1] @ free)
+            above.append((f'the {ends[joint]} of {stack.robot.joints[joint]}', Vt[:1] @ free.T))
+            free = free @ Vt[1:].T
         # Rows of a set-based task that are out have no Jacobian and ask for nothing.
         moved = np.linalg.norm(system.J, axis=1) > STILL
         acts = system.counts & (moved | (system.requested != 0.0))

@@ -102,6 +102,11 @@ class Solver(ABC):
         return self._set.held.copy()
 
     @property
+    def stops(self) -> NDArray[np.int64]:
+        """First level that the last step kept each joint at a bound for (n,), -1 if none."""
+        return np.where(self.held, 0, -1)
+
+    @property
     def scale(self) -> float:
         """What uniform scaling left of the last step's velocity."""
         assert self._set is not None

@@ -87,8 +87,8 @@ class HQPSolver(Solver):
 
     @property
     def shares(self) -> Vector:
-        """What bounds left to each group (groups,) in the last step; a copy."""
-        return self._shares.copy()
+        """What held joints left to each group (groups,): all, they are told by `stops`."""
+        return np.ones(len(self._groups))
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -104,6 +104,12 @@ class HQPSolver(Solver):
             return np.zeros(self.n, dtype=np.bool_)
         at_end: NDArray[np.bool_] = (qd <= bounds.range_lower) | (qd >= bounds.range_upper)
         return at_end
+
+    @property
+    def stops(self) -> NDArray[np.int64]:
+        """First level that had to stop at each joint's bound (n,), -1 if none had to."""
+        stopped = self.problem.stopped_joints
+        return np.where(stopped < len(self._groups), stopped, -1)
 
     @property
     def scale(self) -> float:
