@@ -11,6 +11,7 @@ simulator's joints move on within their speeds and ranges. Every draw is tried t
 """
 
 import argparse
+import math
 import multiprocessing
 import os
 from collections import Counter
@@ -113,6 +114,7 @@ class Pursuit:
         self._time = 0.0
         self._aims = [task for task in stack.tasks.values() if not isinstance(task, PostureTask)]
         self._aims = [task for task in self._aims if stack.level_of(task.name) >= 0]
+        self._held = math.inf
         self.stopped = False
         """Whether a joint was held at an end of its range."""
 
@@ -121,7 +123,9 @@ class Pursuit:
         for _ in range(round((until - self._time) / self._dt)):
             command = self._stack.step(self._joints.q).command
             self._joints.step(command, self._dt)
-            self.stopped = self.stopped or bool(self._stack.solver.held.any())
+            self._held += self._dt
+            if self._stack.solver.held.any():
+                self.stopped, self._held = True, 0.0
         self._time = until
         self._stack.step(self._joints.q)
         errors = np.concatenate([_error(task) for task in self._aims])
@@ -129,7 +133,7 @@ class Pursuit:
 
     def cause(self) -> str:
         """Why the arm rests, or wanders, where it is."""
-        if self._stack.solver.held.any():
+        if self._held < 1.0:
             return LIMIT
         J = np.vstack([task.J for task in self._aims])
         damped = self._stack.solver.inverse.region
@@ -202,7 +206,7 @@ def run(arms: Sequence[str], count: int) -> None:
     console.print(table)
     console.print(
         f'{count} draws per arm; position alone: within 1 mm. Not reached in time: late, there '
-        f'after {LATE:g} s; end, a joint is held at the end of its range; '
+        f'after {LATE:g} s; end, a joint was held at the end of its range in the last second; '
         'singular, in the region where damping acts. No ends: the same draws where joints have '
         'speeds but no ends. From it: the same goals from the posture.'
     )
