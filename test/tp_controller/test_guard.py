@@ -194,3 +194,24 @@ def test_an_acceleration_limit_without_a_rate_is_refused_at_start_and_while_runn
     change = {'robot.limits.acceleration': [1.0]}
     with pytest.raises(InvalidValue, match='rate'):
         check_changes(settings, controller_schema(settings.values), change)
+
+
+def test_an_acceleration_limit_that_allows_no_change_is_refused():
+    limits = {'acceleration': [1e-300]}
+    with pytest.raises(InvalidValue, match='at least 1e-07') as caught:
+        guarded(planar_block(1.0), limits, {})
+    assert caught.value.key == 'robot.limits.acceleration'
+
+
+def test_a_slide_does_not_get_longer_while_set_based_tasks_rely_on_it():
+    robot = planar_block(1.0, 1.0)
+    robot['dh']['types'] = ['prismatic', 'revolute']
+    limits = {'velocity': [1.0], 'position_min': [-0.5], 'position_max': [0.5]}
+    tasks = {'o': obstacle('link_2', [9.0, 0.0, 0.0], 0.5)}
+    settings = build_settings(
+        {'robot': robot | {'limits': limits}, 'rate': 50.0, 'hierarchy': ['o'], 'tasks': tasks}
+    )
+    schema = controller_schema(settings.values)
+    with pytest.raises(InvalidValue, match='a longer way for joint_1'):
+        check_changes(settings, schema, {'robot.limits.position_max': [2.0, 0.5]})
+    check_changes(settings, schema, {'robot.limits.position_max': [0.4, 3.0]})()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_arms import planar_block
 
-from tp_controller import UnusableState, build_settings
+from tp_controller import InvalidValue, UnusableState, build_settings
 
 GOOD = np.array([0.3, 0.2, 0.1])
 
@@ -91,6 +91,42 @@ def test_a_huge_position_never_costs_a_level_its_priority(value):
 
 @pytest.mark.filterwarnings('ignore:overflow encountered', 'ignore:invalid value encountered')
 def test_a_wish_beyond_the_range_of_floats_is_refused():
-    stack = stack_of(target=[1e300, 0.0], gain=[1e300])
+    stack = stack_of(target=[1.0, 0.0], feedforward=[1.7e308, -1.7e308])
     with pytest.raises(UnusableState):
         stack.step(GOOD)
+
+
+@pytest.mark.filterwarnings('ignore:overflow encountered', 'ignore:invalid value encountered')
+def test_a_wish_that_is_not_finite_makes_a_moving_arm_brake():
+    """Nobody else would: without a command the last one goes on."""
+    limits = {'velocity': [1.0], 'acceleration': [2.0]}
+    stack = build_settings(
+        {
+            'robot': planar_block(1.0, 1.0) | {'limits': limits},
+            'rate': 100.0,
+            'hierarchy': ['tip'],
+            'tasks': {'tip': {'type': 'position', 'frame': 'link_2', 'target': [-1.0, 1.0, 0.0]}},
+        }
+    ).stack
+    q = np.array([0.3, 0.5])
+    for _ in range(20):
+        command = stack.step(q).command.copy()
+        q = q + 0.01 * command
+    stack.tasks['tip'].feedforward = [1.7e308, -1.7e308, 0.0]
+    while np.any(command != 0.0):
+        with pytest.raises(UnusableState) as caught:
+            stack.step(q)
+        slower = caught.value.command.copy()
+        assert np.abs(slower).sum() < np.abs(command).sum()
+        assert np.abs(slower - command).max() <= 0.02 * (1.0 + 1e-9)
+        command, q = slower, q + 0.01 * slower
+
+
+def test_an_enormous_target_is_refused():
+    with pytest.raises(InvalidValue, match=r'up to 1e\+09 in size'):
+        stack_of().tasks['tip'].target = [1e10, 0.0]
+
+
+def test_an_enormous_gain_is_refused():
+    with pytest.raises(InvalidValue, match=r'up to 1e\+09'):
+        stack_of().tasks['tip'].gain = [1e308]

@@ -137,6 +137,15 @@ def test_everything_may_be_expressed_in_a_link_fixed_to_the_root():
     np.testing.assert_allclose(robot.frame('lower').jacobian[:3, 0], [0, 1, 0], atol=1e-12)
 
 
+def test_limits_of_a_mimicking_joint_are_limits_of_its_leader():
+    text = ARM.replace(
+        '<mimic joint="grip"/>', '<mimic joint="grip" multiplier="-2" offset="0.1"/>'
+    )
+    limits = urdf_robot(text, ['grip']).limits
+    np.testing.assert_allclose(limits.velocity, [0.1])
+    np.testing.assert_allclose([limits.position_min, limits.position_max], [[0.0], [0.05]])
+
+
 def test_a_mimicking_joint_follows_its_leader():
     robot = urdf_robot(ARM, ['grip'], base_frame='base', rest_positions={'elbow': np.pi / 2})
     robot.update(np.array([0.04]))

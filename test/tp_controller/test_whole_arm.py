@@ -260,3 +260,18 @@ def test_the_panda_at_its_table_reaches_the_goals_that_are_free():
         error = np.linalg.norm(stack.tasks['hand_position'].error)
         assert (error < 1e-3) == free
     assert 0.0 < stack.tasks['ball'].distance.min() < 0.01
+
+
+@pytest.mark.parametrize('far', [1e9, 3e5, 50.0])
+def test_an_obstacle_that_was_far_away_is_as_near_as_ever_when_it_comes_back(far):
+    stack = stack_of({'ball': SPHERE})
+    task = stack.tasks['ball']
+    q = np.array([1.4, 0.1, 0.0, 0.0])
+    stack.step(q)
+    expected = task.distances().copy()
+    task.target = [far, far, 0.0]
+    stack.step(q)
+    task.target = SPHERE['center']
+    stack.step(q)
+    np.testing.assert_allclose(task.distances(), expected, atol=1e-6)
+    assert np.all(task.distance <= expected + 1e-6)

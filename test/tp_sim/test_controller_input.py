@@ -162,3 +162,10 @@ def test_joint_states_that_come_more_slowly_than_the_rate_says_are_warned_of(lon
         )
     warning = 'joint states come at 1 Hz, rate is 60: limits of position, acceleration and'
     controller.client.wait_for(lambda: warning in controller.process.output, 'the warning')
+
+
+def test_a_first_joint_state_without_joints_is_ignored(lone_controller):
+    controller = lone_controller()
+    controller.give([], [])
+    controller.client.wait_for(lambda: controller.state.ignored_states == 1, 'the count')
+    assert any(controller.ask(START))

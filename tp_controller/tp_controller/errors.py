@@ -46,7 +46,19 @@ NO_VALUE = 'no value'
 
 
 class UnusableState(TaskPriorityError):
-    """A joint state from which no finite command follows."""
+    """A joint state from which no finite command follows.
+
+    Parameters
+    ----------
+    message
+        What is wrong.
+    command
+        Velocities (n,) of braking, None if the positions are not known.
+    """
+
+    def __init__(self, message: str, command: Any = None) -> None:
+        super().__init__(message)
+        self.command = command
 
 
 def shown(value: Any, longest: int = 80) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import NO_VALUE, InvalidValue
+from tp_controller.errors import NO_VALUE, InvalidValue, shown
 from tp_controller.robot import Limits, Robot
 from tp_controller.solvers import Bounds
 from tp_controller.tasks import SetBasedTask
@@ -18,6 +18,8 @@ Matrix = NDArray[np.float64]
 
 CLEAR = 1e-6
 """Distance [m, rad] that the last check leaves for rounding, or a tenth of a margin."""
+LEAST_CHANGE = 1e-9
+"""Least change of a velocity [rad/s, m/s] in a step that an acceleration limit may allow."""
 SHARES = (0.5, 0.25, 0.125)
 """How much of a command that cannot be sent is tried, the rest being braking."""
 AT_LIMIT = 1e-9
@@ -72,10 +74,14 @@ class Guard:
         Raises
         ------
         InvalidValue
-            For an acceleration limit without a period.
+            For an acceleration limit without a period, or one that allows no change at all.
         """
         if np.isfinite(limits.acceleration).any() and not math.isfinite(self.period):
             raise InvalidValue('rate', NO_VALUE, 'a number above 0, for robot.limits.acceleration')
+        if np.any(limits.acceleration * self.period < LEAST_CHANGE):
+            least = LEAST_CHANGE / self.period
+            accepts = f'at least {least:g}, which is {LEAST_CHANGE:g} in a step'
+            raise InvalidValue('robot.limits.acceleration', shown(limits.acceleration), accepts)
 
     def watch(self, tasks: Iterable[SetBasedTask]) -> None:
         """Look at the distances of these tasks from now on."""

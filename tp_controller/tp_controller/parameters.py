@@ -20,7 +20,7 @@ BOOLEAN = 'boolean'
 REQUIRED = object()
 """Default of a parameter that has to be given."""
 
-NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
+NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]{0,79}')
 """What a task may be called: its name becomes part of topic names."""
 
 

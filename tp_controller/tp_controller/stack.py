@@ -244,7 +244,8 @@ class Stack:
         Raises
         ------
         UnusableState
-            If no finite command follows from the configuration.
+            If no finite command follows from the configuration. If that itself is finite the
+            error has a command: braking.
         """
         if not np.isfinite(q).all():
             self._refuse(q)
@@ -275,11 +276,16 @@ class Stack:
         self.guard.rest()
 
     def _refuse(self, q: Vector) -> NoReturn:
-        self._qd[:] = 0.0
+        self._qd[:] = self._wish[:] = 0.0
         for task in self._held:
             task.forget_target()
         self._held = []
-        raise UnusableState(f'no finite command follows from the position {shown(q)}')
+        message = f'no finite command follows from the position {shown(q)}'
+        if not np.isfinite(q).all():
+            raise UnusableState(message)
+        self.guard.bounds(self.robot.q)
+        self.guard.pass_on(self.robot.q, self._qd)
+        raise UnusableState(message, self._command)
 
 
 def split_hierarchy(hierarchy: Sequence[str], known: Collection[str]) -> list[list[str]]:

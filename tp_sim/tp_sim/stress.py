@@ -13,7 +13,7 @@ import math
 import os
 import sys
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -99,11 +99,20 @@ def main() -> int:
     return BROKEN if any(outcome.broken for outcome in outcomes.values()) else 0
 
 
+def _at_least(least: int) -> Callable[[str], int]:
+    def read(text: str) -> int:
+        if not text.isdigit() or int(text) < least:
+            raise argparse.ArgumentTypeError(f'got {text!r}; accepts a whole number from {least}')
+        return int(text)
+
+    return read
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog='stress', description=(__doc__ or '').split('\n')[0])
     parser.add_argument('--config', type=Path, required=True, help='parameter file')
-    parser.add_argument('--steps', type=int, default=100_000, help='of every scheme')
-    parser.add_argument('--seed', type=int, default=0, help='of the random goals')
+    parser.add_argument('--steps', type=_at_least(1), default=100_000, help='of every scheme')
+    parser.add_argument('--seed', type=_at_least(0), default=0, help='of the random goals')
     parser.add_argument(
         '--schemes',
         nargs='+',
@@ -179,7 +188,7 @@ def run(
         targets = _places(elsewhere, goals, np.random.default_rng(seed))
     places = iter(targets)
     watch = Watch(stack)
-    started, every = time.perf_counter(), round(SECONDS_PER_GOAL / period)
+    started, every = time.perf_counter(), max(1, round(SECONDS_PER_GOAL / period))
     for i in range(steps):
         if i % every == 0:
             watch.count_goal(goals if i else ())

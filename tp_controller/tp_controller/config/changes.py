@@ -6,9 +6,12 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from tp_controller.config.build import Settings
 from tp_controller.errors import InvalidValue, shown
 from tp_controller.parameters import Parameter, alternatives
+from tp_controller.robot import Limits
 from tp_controller.stack import Stack
 
 LIMITS = 'robot.limits.'
@@ -50,6 +53,7 @@ def check_changes(
     if given:
         limits = stack.robot.limits.replaced(**given)
         stack.guard.check_limits(limits)
+        _check_slides(stack, limits)
         steps.append(partial(setattr, stack.robot, 'limits', limits))
     _check_levels(stack, checked)
     # The damping first: the levels are checked again, with it, when they are set.
@@ -77,6 +81,21 @@ def check_changes(
             step()
 
     return apply
+
+
+def _check_slides(stack: Stack, limits: Limits) -> None:
+    """Check that no slide gets longer: set-based tasks rely on how far it takes the arm."""
+    before = stack.robot.limits
+    farther = np.maximum(-limits.position_min, limits.position_max) > np.maximum(
+        -before.position_min, before.position_max
+    )
+    if any(task.set_based for task in stack.tasks.values()):
+        for i in np.flatnonzero(farther & stack.robot.sliding):
+            raise InvalidValue(
+                'robot.limits.position_max',
+                f'a longer way for {stack.robot.joints[i]}',
+                'a range within the present one: set-based tasks rely on it',
+            )
 
 
 def _check_levels(stack: Stack, checked: Mapping[str, Any]) -> None:

@@ -259,7 +259,7 @@ def task_schema(name: str, flat: Mapping[str, Any]) -> dict[str, Parameter]:
         raise InvalidValue(
             f'tasks.{name}',
             f'a task called {shown(name)}',
-            'names of letters, digits and _ that begin with a letter',
+            'names of up to 80 letters, digits and _ that begin with a letter',
         )
     kind = Parameter(TEXT, COMMON['type'].description, REQUIRED, choices=tuple(TASK_TYPES))
     key = f'tasks.{name}.type'

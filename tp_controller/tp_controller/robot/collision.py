@@ -30,6 +30,8 @@ TOLERANCE = 1e-7
 COARSE = 1e-6
 ITERATIONS = 255
 """Most that deeply overlapping round shapes may take."""
+SHORT = 1.0
+"""Moves [m] of an obstacle from this one on make every distance new."""
 FAILED = 1e300
 """A distance [m] of this size is what failed iterations leave."""
 
@@ -147,9 +149,10 @@ class Clearance:
         if self._obstacle is None:
             raise ValueError('there is no obstacle to move')
         before = self._obstacle.pose
-        if np.array_equal(before.rotation, pose.rotation):
+        way = float(np.linalg.norm(pose.translation - before.translation))
+        if way < SHORT and np.array_equal(before.rotation, pose.rotation):
             # No distance changes by more than that.
-            self._known -= float(np.linalg.norm(pose.translation - before.translation))
+            self._known -= way
         else:
             self._known[:] = -math.inf
         self._obstacle = self._obstacle._replace(pose=pin.SE3(pose))
@@ -195,16 +198,22 @@ class Clearance:
                 self.robot.model, self.robot.data, self._geometry, self._results
             )
             for pair in np.flatnonzero(lower < threshold).tolist():
-                self._compute(pair)
-                self._anchor[pair] = q
+                if self._compute(pair):
+                    self._anchor[pair] = q
         if len(lower) == len(distance):
             distance[:] = lower
         else:
             np.minimum.reduceat(lower, self._starts, out=distance)
         return near
 
-    def _compute(self, pair: int) -> None:
-        """Distance and line of a pair of shapes whose placements are up to date."""
+    def _compute(self, pair: int) -> bool:
+        """Distance and line of a pair of shapes whose placements are up to date.
+
+        Returns
+        -------
+        bool
+            False if the iterations failed; what was known of the pair then stays.
+        """
         result = pin.computeDistance(self._geometry, self._results, pair)
         distance = result.min_distance
         if not abs(distance) < FAILED:
@@ -213,6 +222,8 @@ class Clearance:
             result = pin.computeDistance(self._geometry, self._results, pair)
             _set_tolerance(request, TOLERANCE)
             distance = result.min_distance
+            if not abs(distance) < FAILED:
+                return False
         # coal's normal leads from the first shape to the second.
         x, y, z = result.normal.tolist()
         if not 0.5 < x * x + y * y + z * z < 2.0:
@@ -220,6 +231,7 @@ class Clearance:
         a, b, c = result.getNearestPoint1().tolist()
         self._known[pair] = self._lower[pair] = distance
         self._lines[pair] = -x, -y, -z, c * y - b * z, a * z - c * x, b * x - a * y
+        return True
 
     def _any_normal(self, pair: int) -> list[float]:
         """Direction (3,) from the middle of one shape to that of the other, or any."""

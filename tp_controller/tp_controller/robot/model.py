@@ -192,6 +192,17 @@ class Robot:
         speeds = path_speeds(self._model, slides, path, points, radius)
         return _products(S.T, speeds).sum(axis=1)
 
+    @property
+    def sliding(self) -> NDArray[np.bool_]:
+        """Whether each joint moves a sliding one of the model (n,)."""
+        slides = np.zeros(self._model.nv, dtype=np.bool_)
+        for joint in self._model.joints[1:]:
+            slides[joint.idx_v] = joint.shortname().startswith('JointModelP')
+        if self.coupling is None:
+            return slides
+        moves: NDArray[np.bool_] = (self.coupling.S[slides] != 0.0).any(axis=0)
+        return moves
+
     def update(self, q: Vector) -> None:
         """Move every frame to configuration ``q`` (n,) [rad, m]."""
         self._take(q)

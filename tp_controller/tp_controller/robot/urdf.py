@@ -152,7 +152,7 @@ def urdf_robot(
     base_frame = base_frame if base_frame is not None else _root_link(found, root)
     _move_base(model, base_frame)
     wrapping = [found[name].type == 'continuous' for name in joints]
-    own = _limits([found[name] for name in joints], limits or {})
+    own = _limits(found, joints, limits or {})
     lines = [(joint.parent, joint.child) for joint in found.values()]
     return Robot(model, joints, base_frame, own, coupling, lines, wrapping)
 
@@ -343,16 +343,34 @@ def _move_base(model: pin.Model, base_frame: str) -> None:
             frame.placement = shift * frame.placement
 
 
-def _limits(joints: Sequence[_Joint], instead: Mapping[str, Sequence[float] | None]) -> Limits:
-    """Limits of the description, replaced by those that are given."""
+def _limits(
+    found: Mapping[str, _Joint],
+    names: Sequence[str],
+    instead: Mapping[str, Sequence[float] | None],
+) -> Limits:
+    """Limits of the description, those of mimic joints included, replaced by what is given."""
+    joints = [found[name] for name in names]
     limits = Limits(len(joints))
-    limits.velocity = _column(joints, 'velocity', math.inf)
-    limits.position_min = _column(joints, 'lower', -math.inf)
-    limits.position_max = _column(joints, 'upper', math.inf)
+    speed = _column(joints, 'velocity', math.inf)
+    low, high = _column(joints, 'lower', -math.inf), _column(joints, 'upper', math.inf)
+    for follower in found.values():
+        if follower.mimic is None or follower.mimic[0] not in names or not follower.mimic[1]:
+            continue
+        leader, multiplier, offset = follower.mimic
+        i, own = names.index(leader), follower.limits
+        speed[i] = min(speed[i], own.get('velocity', math.inf) / abs(multiplier))
+        ends = sorted(
+            (own.get(key, absent) - offset) / multiplier
+            for key, absent in (('lower', -math.inf), ('upper', math.inf))
+        )
+        # A follower whose range does not overlap with the leader's has a mistaken one.
+        if max(low[i], ends[0]) < min(high[i], ends[1]):
+            low[i], high[i] = max(low[i], ends[0]), min(high[i], ends[1])
+    for column in (speed, low, high):
+        column.flags.writeable = False
+    limits.velocity, limits.position_min, limits.position_max = speed, low, high
     return limits.replaced(**instead)
 
 
 def _column(joints: Sequence[_Joint], key: str, absent: float) -> Vector:
-    column = np.array([joint.limits.get(key, absent) for joint in joints])
-    column.flags.writeable = False
-    return column
+    return np.array([joint.limits.get(key, absent) for joint in joints])

@@ -131,7 +131,7 @@ class ControllerNode(RobotNode):
         self._schema = controller_schema(self._settings.values)
         own = {key: p for key, p in self._schema.items() if key.startswith(f'tasks.{task.name}.')}
         self._declaring = True
-        describe_parameters(self, own, self._settings.values, lasting=False)
+        describe_parameters(self, own, self._settings.values)
         self._declaring = False
         self._listen(task)
         self._follow_tasks()
@@ -168,12 +168,10 @@ class ControllerNode(RobotNode):
         except UnusableState as error:
             state.ignored_states += 1
             self._warn('commands', f'no command: {error}')
+            if error.command is not None:
+                self._send(error.command, msg)
             return
-        self._velocity[:] = step.command
-        if self._stamped:
-            self._command.header.stamp = msg.header.stamp
-        self._command_publisher.publish(self._command)
-
+        self._send(step.command, msg)
         if self._rate_check and (problem := self._rate_check.see(msg.header.stamp)):
             self._warn('rate', problem)
         self._last_seen = time.monotonic()
@@ -188,6 +186,13 @@ class ControllerNode(RobotNode):
             self._state.refresh(step.command)
             self._state.explain(msg.header.stamp)
             self._state_publisher.publish(state)
+
+    def _send(self, command: np.ndarray, msg: JointState) -> None:
+        """Publish a command (n,) that answers a joint state."""
+        self._velocity[:] = command
+        if self._stamped:
+            self._command.header.stamp = msg.header.stamp
+        self._command_publisher.publish(self._command)
 
     def _watch(self) -> None:
         """Bring the robot to rest when joint states stop, and show that the node lives."""

@@ -14,11 +14,11 @@ from tp_controller.errors import InvalidValue, listed, shown
 STATES = 100
 """So many joint states are counted to find their rate."""
 SLOW = 0.8
-"""A rate below this share of the configured one is told."""
+"""A rate below this share of the configured one, or as far above it, is told."""
 
 
 class RateCheck:
-    """Finds joint states that come more slowly than the parameter ``rate`` says.
+    """Finds joint states that do not come as often as the parameter ``rate`` says.
 
     Limits of position and acceleration hold for steps of ``1 / rate`` only.
 
@@ -45,7 +45,7 @@ class RateCheck:
         now = stamp.sec + 1e-9 * stamp.nanosec
         passed, self._begin, self._count = now - self._begin, now, 0
         found = STATES / passed if 0.0 < passed < now else self._rate
-        if found >= SLOW * self._rate:
+        if SLOW * self._rate <= found <= self._rate / SLOW:
             return ''
         return (
             f'joint states come at {found:.4g} Hz, rate is {self._rate:g}: limits of position, '
@@ -72,7 +72,7 @@ class JointStateReader:
         self._joints = joints
         self._what = what
         self._field = field
-        self._names: list[str] = []
+        self._names: list[str] | None = None
         self._indices = np.zeros(0, dtype=int)
 
     def read(self, msg: JointState, out: NDArray[np.float64]) -> None:
@@ -88,10 +88,10 @@ class JointStateReader:
             self._indices = self._find(msg.name)
             self._names = msg.name
         values = getattr(msg, self._field)
-        if len(values) != len(self._names):
+        if len(values) != len(msg.name):
             raise InvalidValue(
                 f'{self._what} {self._field}',
-                f'{len(values)} values for {len(self._names)} names',
+                f'{len(values)} values for {len(msg.name)} names',
                 'one value for each name',
             )
         picked = np.frombuffer(values)[self._indices]

@@ -26,19 +26,19 @@ def given_parameters(node: Node) -> Flat:
 
 
 def describe_parameters(
-    node: Node, schema: Mapping[str, Parameter], values: Mapping[str, Any], lasting: bool = True
+    node: Node, schema: Mapping[str, Parameter], values: Mapping[str, Any]
 ) -> None:
     """Give every parameter of a schema its description, and its value if it has none yet.
 
-    Those that do not last as long as the node are not marked read-only: ROS 2 would not let
-    them go. Changes are checked all the same.
+    Those of tasks, which may be removed, are not marked read-only: ROS 2 would not let them go.
+    Changes are checked all the same.
     """
     for key, parameter in schema.items():
         descriptor = ParameterDescriptor(
             name=key,
             description=parameter.description,
             additional_constraints=parameter.accepts,
-            read_only=lasting and not parameter.runtime,
+            read_only=not (parameter.runtime or key.startswith('tasks.')),
             dynamic_typing=True,
         )
         value = values[key]
@@ -46,6 +46,6 @@ def describe_parameters(
             node.set_descriptor(key, descriptor)
         elif value is not None:
             # One without a value is declared when it gets one; a dump could not be read else.
-            node.declare_parameter(
-                key, list(value) if isinstance(value, tuple) else value, descriptor
-            )
+            value = list(value) if isinstance(value, tuple) else value
+            # A task that comes again is not the one that the node was started with.
+            node.declare_parameter(key, value, descriptor, ignore_override=True)

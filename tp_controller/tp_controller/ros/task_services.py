@@ -13,6 +13,8 @@ from tp_controller.errors import InvalidValue, shown
 from tp_controller.tasks import Task
 from tp_interfaces.srv import AddTask, RemoveTask
 
+ACCEPTS = 'YAML of a task, such as {type: obstacle, frame: link_3, ...}'
+
 
 class TaskServices:
     """``~/add_task`` and ``~/remove_task``.
@@ -49,6 +51,9 @@ class TaskServices:
         except InvalidValue as error:
             response.message = str(error)
             return response
+        except RecursionError:
+            response.message = f'parameters: got a block without end; accepts {ACCEPTS}'
+            return response
         addition.load()
         self._added(addition.task)
         self._arrange(addition.hierarchy)
@@ -76,12 +81,11 @@ class TaskServices:
 
 
 def _block(text: str) -> dict[str, object]:
-    accepts = 'YAML of a task, such as {type: obstacle, frame: link_3, ...}'
     try:
         block = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        problem = str(getattr(error, 'problem', error))
-        raise InvalidValue('parameters', f'{shown(text)}: {problem}', accepts) from None
+    except (yaml.YAMLError, ValueError) as error:
+        problem = ' '.join(str(getattr(error, 'problem', error)).split())
+        raise InvalidValue('parameters', f'{shown(text)}: {problem}', ACCEPTS) from None
     if not isinstance(block, dict) or not block:
-        raise InvalidValue('parameters', shown(text), accepts)
+        raise InvalidValue('parameters', shown(text), ACCEPTS)
     return block

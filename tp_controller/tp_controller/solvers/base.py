@@ -58,6 +58,8 @@ class Solver(ABC):
 
     type: ClassVar[str]
     """Name of the solver in parameter files."""
+    proven: bool = True
+    """Whether the last answer is known to be what the scheme promises."""
 
     def __init__(
         self,

@@ -47,6 +47,9 @@ COMMON: Mapping[str, Parameter] = {
     ),
 }
 
+LARGEST = 1e9
+"""Size of a value of a target or a gain up to which nothing is lost to rounding."""
+
 
 class Task(ABC):
     """A task variable to be brought to a desired value.
@@ -173,6 +176,14 @@ class Task(ABC):
         target = np.array(values, dtype=float)
         if not np.all(np.isfinite(target)):
             raise InvalidValue('target', shown(target), 'finite numbers')
+        # Of a quaternion only the direction counts.
+        sizes = [
+            abs(value)
+            for name, value in zip(self.target_components, target, strict=True)
+            if not name.startswith('q')
+        ]
+        if max(sizes, default=0.0) > LARGEST:
+            raise InvalidValue('target', shown(target), f'numbers up to {LARGEST:g} in size')
         return target
 
     def _refuse_target(self, values: Sequence[float] | Vector) -> NoReturn:
@@ -218,6 +229,8 @@ class Task(ABC):
         if not np.all(np.isfinite(K)):
             raise InvalidValue('gain', shown(K), 'finite numbers')
         K = K.reshape(k, k) if K.size == k * k else np.diag(np.broadcast_to(K, (k,)))
+        if np.abs(K).max(initial=0.0) > LARGEST:
+            raise InvalidValue('gain', shown(K), f'numbers up to {LARGEST:g}')
         if np.linalg.eigvalsh(K + K.T).min() < -1e-9 * np.abs(K).max(initial=0.0):
             raise InvalidValue(
                 'gain', shown(list(values)), 'values of at least 0, or a positive matrix'
