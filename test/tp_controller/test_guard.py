@@ -215,3 +215,19 @@ def test_a_slide_does_not_get_longer_while_set_based_tasks_rely_on_it():
     with pytest.raises(InvalidValue, match='a longer way for joint_1'):
         check_changes(settings, schema, {'robot.limits.position_max': [2.0, 0.5]})
     check_changes(settings, schema, {'robot.limits.position_max': [0.4, 3.0]})()
+
+
+def test_a_step_that_is_taken_back_gives_the_same_command_again():
+    stack = guarded(
+        planar_block(1.0, 1.0),
+        {'velocity': [1.0], 'acceleration': [4.0]},
+        {'o': obstacle('link_2', [-1.0, 1.0, 0.0], 0.3)},
+    )
+    stack.tasks['end'].target = [-1.0, 1.0, 0.0]
+    q = np.array([0.0, 0.5])
+    for _ in range(200):
+        command = stack.step(q).command.copy()
+        for _ in range(2):
+            stack.undo()
+            assert stack.step(q).command.tobytes() == command.tobytes()
+        q = q + 0.01 * command

@@ -155,8 +155,12 @@ def test_an_empty_list_on_the_command_line_is_refused(config, domain):
     check(line, 'tp_controller', 'hierarchy', 'an empty list', 'at least one value')
 
 
-def test_a_file_without_a_block_for_the_node_is_refused_with_its_blocks(config, domain):
-    path = config / 'a4_position_joint.yaml'
+def test_a_file_without_a_block_for_the_node_is_refused_with_its_blocks(config, tmp_path, domain):
+    path = tmp_path / 'rate_apart.yaml'
+    text = (config / 'a4_position_joint.yaml').read_text().replace('    rate: 60.0\n', '')
+    block = '/**/tp_sim:\n  ros__parameters:\n'
+    assert block in text
+    path.write_text(text.replace(block, f'{block}    rate: 60.0\n'))
     line = refusal('tp_sim', 'simulator', path, domain, '-r', '__node:=sim_2')
     assert 'rate: got no value' in line
     assert '/**/tp_sim' in line

@@ -61,8 +61,9 @@ class Guard:
         self._robot = robot
         self.period = period
         self._before, self._rest, self._way, self._speed, self._q = np.zeros((5, robot.n))
+        self._past = np.zeros(robot.n)
         self._limits: Limits | None = None
-        self._together = True
+        self._together = self._past_together = True
         self._short: tuple[str, ...] = ()
         self.stopped_by: tuple[str, ...] = ()
         self.watch(())
@@ -96,6 +97,7 @@ class Guard:
         margins = [np.full(task.k, task.margin) for task, _ in self._tasks]
         self._clear = np.minimum(0.1 * np.concatenate([*margins, np.zeros(0)]), CLEAR)
         self._lowest, self._found = self._clear.copy(), self._clear.copy()
+        self._past_lowest = self._clear.copy()
         self._distance, self._required = np.zeros((2, rows))
         self._doubtful = np.zeros(rows, dtype=np.bool_)
 
@@ -106,7 +108,12 @@ class Guard:
 
     def rest(self) -> None:
         """Go on from standstill."""
-        self._before[:] = 0.0
+        self._before[:] = self._past[:] = 0.0
+
+    def undo(self) -> None:
+        """Go back by a step: its configuration comes again, no time has passed."""
+        self._before[:], self._lowest[:] = self._past, self._past_lowest
+        self._together = self._past_together
 
     def bounds(self, q: Vector) -> Bounds:
         """Bounds on the next velocities at configuration ``q`` (n,) [rad, m].
@@ -159,6 +166,8 @@ class Guard:
         command
             The wished velocities, and then those to be sent.
         """
+        self._past[:], self._past_lowest[:] = self._before, self._lowest
+        self._past_together = self._together
         if not self._plain:
             self._braking.approach(
                 command,

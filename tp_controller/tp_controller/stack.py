@@ -275,6 +275,10 @@ class Stack:
         """Go on from standstill: the last command was not carried out."""
         self.guard.rest()
 
+    def undo(self) -> None:
+        """Take the last step back: its configuration comes again, no time has passed."""
+        self.guard.undo()
+
     def _refuse(self, q: Vector) -> NoReturn:
         self._qd[:] = self._wish[:] = 0.0
         for task in self._held:

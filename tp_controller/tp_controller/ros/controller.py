@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
@@ -68,6 +69,7 @@ class ControllerNode(RobotNode):
         robot = self._stack.robot
 
         self._q = np.zeros(robot.n)
+        self._stamp = Time()
         self._joint_states = JointStateReader(robot.joints)
         self._rate_check = RateCheck(values['rate']) if values['rate'] else None
         self._goals = GoalReader(robot)
@@ -159,6 +161,13 @@ class ControllerNode(RobotNode):
             self._joint_states.read(msg, self._q)
             if self._feedforwards:
                 self._feedforwards.expire(msg.header.stamp)
+            # Who sends a state again has not moved since.
+            again = self._stamp == msg.header.stamp and any(
+                (msg.header.stamp.sec, msg.header.stamp.nanosec)
+            )
+            if again:
+                self._stack.undo()
+            self._stamp = msg.header.stamp
             step = self._stack.step(self._q)
             state.solve_time = time.perf_counter() - start
         except InvalidValue as error:
@@ -172,7 +181,7 @@ class ControllerNode(RobotNode):
                 self._send(error.command, msg)
             return
         self._send(step.command, msg)
-        if self._rate_check and (problem := self._rate_check.see(msg.header.stamp)):
+        if not again and self._rate_check and (problem := self._rate_check.see(msg.header.stamp)):
             self._warn('rate', problem)
         self._last_seen = time.monotonic()
         state.cycles += 1
