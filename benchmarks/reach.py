@@ -107,8 +107,6 @@ class Pursuit:
 
     def __init__(self, stack: Stack, start: np.ndarray, limits: Limits, dt: float) -> None:
         self._stack = stack
-        stack.robot.limits = limits
-        stack.rest()
         self._joints = Integrator(start, limits)
         self._dt = dt
         self._time = 0.0
@@ -120,6 +118,8 @@ class Pursuit:
 
     def run(self, until: float) -> bool:
         """Go on to a time [s]; return whether the goal is reached then."""
+        self._stack.robot.limits = self._joints.limits
+        self._stack.rest()
         for _ in range(round((until - self._time) / self._dt)):
             command = self._stack.step(self._joints.q).command
             self._joints.step(command, self._dt)

@@ -166,6 +166,9 @@ class Guard:
         command
             The wished velocities, and then those to be sent.
         """
+        if self._plain and not self._tasks:
+            self._before[:] = command
+            return
         self._past[:], self._past_lowest[:] = self._before, self._lowest
         self._past_together = self._together
         if not self._plain:
