@@ -46,6 +46,11 @@ def main() -> int:
         return _fail(str(error), UNANSWERED)
     except (KeyboardInterrupt, ExternalShutdownException):
         return _fail('interrupted', UNANSWERED)
+    except RuntimeError:
+        # A signal between two waits ends the context under rcl.
+        if rclpy.ok():
+            raise
+        return _fail('interrupted', UNANSWERED)
     finally:
         node.destroy_node()
         rclpy.try_shutdown()
