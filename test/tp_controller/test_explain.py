@@ -193,12 +193,17 @@ def test_what_is_lost_under_the_program_adds_up(seed, damped):
     for _ in range(30):
         q = q + 0.02 * stack.step(q).command
     for level, system in zip(explain(stack), stack.systems(), strict=True):
-        short = np.linalg.norm((system.requested - system.achieved)[system.counts])
-        assert level.shortfall == pytest.approx(float(short), abs=1e-6)
-        named = np.linalg.norm(list(level.lost_to_levels.values()))
-        parts = [level.lost_to_singularity, level.lost_to_damping, level.lost_to_guard]
+        rows = system.counts
+        short = float(np.linalg.norm((system.requested - system.achieved)[rows]))
+        unanswered = float(np.linalg.norm((system.requested - system.answered)[rows]))
+        assert level.shortfall == pytest.approx(short, abs=1e-6)
         assert level.lost_to_saturation == 0.0
-        assert short <= named * 1.1 + sum(parts) + 1e-5
+        guarded = float(np.linalg.norm((system.answered - system.achieved)[rows]))
+        assert level.lost_to_guard == pytest.approx(guarded, abs=1e-9)
+        # Levels that hardly matter are not named, and so may be missing from the sum.
+        named = np.linalg.norm(list(level.lost_to_levels.values()))
+        parts = [named, level.lost_to_singularity, level.lost_to_damping]
+        assert np.linalg.norm(parts) == pytest.approx(unanswered, rel=0.2, abs=1e-5)
 
 
 def test_a_scheme_without_levels_explains_none():

@@ -214,6 +214,9 @@ def test_a_slide_does_not_get_longer_while_set_based_tasks_rely_on_it():
     schema = controller_schema(settings.values)
     with pytest.raises(InvalidValue, match='a longer way for joint_1'):
         check_changes(settings, schema, {'robot.limits.position_max': [2.0, 0.5]})
+    with pytest.raises(InvalidValue, match='a longer way') as caught:
+        check_changes(settings, schema, {'robot.limits.position_min': [-0.6, -0.5]})
+    assert caught.value.key == 'robot.limits.position_min'
     check_changes(settings, schema, {'robot.limits.position_max': [0.4, 3.0]})()
 
 

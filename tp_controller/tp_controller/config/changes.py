@@ -86,13 +86,13 @@ def check_changes(
 def _check_slides(stack: Stack, limits: Limits) -> None:
     """Check that no slide gets longer: set-based tasks rely on how far it takes the arm."""
     before = stack.robot.limits
-    farther = np.maximum(-limits.position_min, limits.position_max) > np.maximum(
-        -before.position_min, before.position_max
-    )
-    if any(task.set_based for task in stack.tasks.values()):
-        for i in np.flatnonzero(farther & stack.robot.sliding):
+    farthest = np.maximum(-before.position_min, before.position_max)
+    if not any(task.set_based for task in stack.tasks.values()):
+        return
+    for key, ends in (('min', -limits.position_min), ('max', limits.position_max)):
+        for i in np.flatnonzero((ends > farthest) & stack.robot.sliding):
             raise InvalidValue(
-                'robot.limits.position_max',
+                f'{LIMITS}position_{key}',
                 f'a longer way for {stack.robot.joints[i]}',
                 'a range within the present one: set-based tasks rely on it',
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -146,9 +147,8 @@ class HQPSolver(Solver):
         self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
         self.proven = self.problem.solve(J, asked, self._lower, self._upper, qd)
         problem, rows = self.problem, self._one_sided
-        if self._damped:
-            self._pass_again(J, velocity, bounds, qd)
-        np.dot(J, qd, out=self._moved)
+        if not (self._damped and self._pass_again(J, velocity, bounds, qd)):
+            np.dot(J, qd, out=self._moved)
         if rows.size:
             stops = problem.stopped_rows[rows] >= 0
             self.acting[rows] = stops | (self._moved[rows] < velocity[rows] - BROKEN)
@@ -158,9 +158,9 @@ class HQPSolver(Solver):
             self._note_shares(asked)
         return float(self._shares.min(initial=1.0))
 
-    def _recur(self) -> None:
-        """Fill the recursion's answer to the rows that act."""
-        if not self._kernel.resolve(
+    def _recursion(self) -> tuple[Any, ...]:
+        """What `kernel.resolve` is given, but for where its answer goes."""
+        return (
             self._rows,
             self._wish,
             self._acts,
@@ -171,26 +171,26 @@ class HQPSolver(Solver):
             self._endless,
             self._work,
             self._unused,
-            self._free,
-        ):
+        )
+
+    def _recur(self) -> None:
+        """Fill the recursion's answer to the rows that act."""
+        if not self._kernel.resolve(*self._recursion(), self._free):
             raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
 
-    def _pass_again(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> None:
-        """Let levels ask for what they get together with what stopped them, if anything did."""
+    def _pass_again(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> bool:
+        """Let levels ask for what they get together with what stopped them.
+
+        Returns
+        -------
+        bool
+            Whether anything had stopped one; the rows' velocities are then known.
+        """
         problem, second = self.problem, self._second
         self._was_rows[:], self._was_joints[:] = problem.stopped_rows, problem.stopped_joints
         self._joints[:], self._free[:], self._again[:] = problem.stopped_joints, qd, self._asked
         found = second.ask_again(
-            self._rows,
-            self._wish,
-            self._acts,
-            self._firsts,
-            self._all_rules,
-            self._basis,
-            self._tolerance,
-            self._endless,
-            self._work,
-            self._unused,
+            *self._recursion(),
             self._equal,
             self._was_rows,
             self._joints,
@@ -200,7 +200,7 @@ class HQPSolver(Solver):
             self._free,
         )
         if found == second.NOTHING:
-            return
+            return False
         if found < 0:
             raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
         np.dot(J, self._free, out=self._moved)
@@ -222,6 +222,7 @@ class HQPSolver(Solver):
             self._upper,
             BINDING,
         )
+        return True
 
     def _suits(self, J: Matrix, velocity: Vector, bounds: Bounds) -> bool:
         """Whether the recursion's answer is inside the bounds and breaks no one-sided row."""
