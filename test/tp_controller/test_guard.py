@@ -126,6 +126,12 @@ def test_an_obstacle_that_jumps_onto_a_moving_arm_makes_it_brake_and_leave():
             assert stack.guard.active_limits(stack.guard._before)[-1] == 'o distance'
     assert min(distance) == min(distance[50:100])
     assert distance[-1] > 0.0
+    stack.tasks['o'].target = stack.robot.frame('link_2').position
+    for _ in range(2):
+        q = q + 0.01 * stack.step(q).command
+    stack.hierarchy = ['end']
+    stack.step(q)
+    assert stack.guard.stopped_by == ()
 
 
 @given(planar_arms(1, 6), st.data())

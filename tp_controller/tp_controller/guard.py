@@ -65,7 +65,6 @@ class Guard:
         self._limits: Limits | None = None
         self._together = self._past_together = True
         self._short: tuple[str, ...] = ()
-        self.stopped_by: tuple[str, ...] = ()
         self.watch(())
         self.check_limits(robot.limits)
 
@@ -86,6 +85,7 @@ class Guard:
 
     def watch(self, tasks: Iterable[SetBasedTask]) -> None:
         """Look at the distances of these tasks from now on."""
+        self.stopped_by: tuple[str, ...] = ()
         self._tasks: list[tuple[SetBasedTask, slice]] = []
         rows = 0
         for task in tasks if math.isfinite(self.period) else ():
