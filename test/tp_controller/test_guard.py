@@ -126,9 +126,21 @@ def test_an_obstacle_that_jumps_onto_a_moving_arm_makes_it_brake_and_leave():
             assert stack.guard.active_limits(stack.guard._before)[-1] == 'o distance'
     assert min(distance) == min(distance[50:100])
     assert distance[-1] > 0.0
-    stack.tasks['o'].target = stack.robot.frame('link_2').position
-    for _ in range(2):
+
+
+def test_who_stopped_the_arm_is_forgotten_when_nobody_is_looked_at_any_more():
+    stack = guarded(
+        planar_block(1.0, 1.0),
+        {'velocity': [1.0], 'acceleration': [4.0]},
+        {'o': obstacle('link_2', [9.0, 9.0, 0.0], 0.3)},
+    )
+    stack.tasks['end'].target = [-1.0, 1.0, 0.0]
+    q = np.array([0.0, 0.5])
+    for _ in range(50):
         q = q + 0.01 * stack.step(q).command
+    stack.tasks['o'].target = np.add(stack.robot.frame('link_2').position, [-0.05, 0.02, 0.0])
+    stack.step(q)
+    assert stack.guard.stopped_by == ('o',)
     stack.hierarchy = ['end']
     stack.step(q)
     assert stack.guard.stopped_by == ()
