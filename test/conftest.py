@@ -4,13 +4,15 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 
 # The same examples in every run, so that a change is judged by what it changes;
 # `HYPOTHESIS_PROFILE=random make test` looks for new ones.
 # How long an example takes and how many are left out says nothing about the code.
 MILD = {
     'deadline': None,
+    # Explaining a failure takes minutes and says little.
+    'phases': [phase for phase in Phase if phase is not Phase.explain],
     'suppress_health_check': [HealthCheck.filter_too_much, HealthCheck.too_slow],
 }
 settings.register_profile('fixed', derandomize=True, **MILD)

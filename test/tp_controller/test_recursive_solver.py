@@ -33,6 +33,7 @@ def assert_same_command(command, expected):
 
 
 def assert_follows_the_recursion(stack, q, damping):
+    stack.settle = False
     command = stack.step(q).command
     expected, shares = recursion(equations(stack), damping)
     assume(away_from_rank_changes(shares))
@@ -77,6 +78,7 @@ def test_a_task_repeated_on_a_lower_level_changes_nothing(case, damping):
     block, q = case
     block['solver'] = {'damping': damping}
     stack = build_settings(block).stack
+    stack.settle = False
     command = stack.step(q).command.copy()
     J, velocity = equations(stack)[0]
     _, shares = recursion([(J, velocity), *equations(stack)[2:]], 0.0)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tp_controller.errors import InvalidValue, UnusableState, listed, shown
 from tp_controller.guard import Guard
 from tp_controller.robot import Robot
-from tp_controller.solvers import Solver
+from tp_controller.solvers import Curvature, Solver
 from tp_controller.tasks import SetBasedTask, Task
 
 Vector = NDArray[np.float64]
@@ -73,6 +73,9 @@ class Stack:
     period
         Time [s] of one step, which limits of position and acceleration and the last check of
         distances need; infinite if unknown.
+    settle
+        Whether levels that cannot get what they ask for come to rest, with a solver that can
+        do that; else the published laws alone.
 
     Raises
     ------
@@ -87,8 +90,10 @@ class Stack:
         hierarchy: Sequence[str],
         solver: Solver,
         period: float = math.inf,
+        settle: bool = True,
     ) -> None:
         self.robot = robot
+        self.settle = settle
         self.solver = solver
         self.tasks = {task.name: task for task in tasks}
         self._unaimed = [task for task in self.tasks.values() if task.target_size]
@@ -118,11 +123,20 @@ class Stack:
         # Tasks write their rows of the whole system themselves; nothing is copied per cycle.
         self._J = np.zeros((k, self.robot.n))
         self._velocity, self._achieved = np.zeros(k), np.zeros(k)
+        self._errors = np.zeros(k)
         self._parts = [
-            (self.tasks[name], self._velocity[rows]) for name, rows in self._rows.items()
+            (self.tasks[name], self._velocity[rows], self._errors[rows])
+            for name, rows in self._rows.items()
         ]
-        for task, _ in self._parts:
+        for task, _, _ in self._parts:
             task.place(self._J[self._rows[task.name]])
+        bends = [np.zeros(task.k) if task.set_based else task.bend for task, _, _ in self._parts]
+        self._curvature = Curvature(
+            self._errors,
+            np.concatenate([*bends, np.zeros(0)]),
+            np.zeros((k, self.robot.n, self.robot.n)),
+            self._fill_hessians,
+        )
         self._results = tuple(self._result(tasks) for tasks in members)
         self.prepare_solver()
         self.guard.watch(self._kept())
@@ -168,9 +182,14 @@ class Stack:
     def _jacobian_at(self, q: Vector) -> Matrix:
         """Stacked Jacobian (K, n) after the robot was moved to ``q`` (n,)."""
         self.robot.update(q)
-        for task, _ in self._parts:
+        for task, _, _ in self._parts:
             task.update()
         return self._J
+
+    def _fill_hessians(self) -> None:
+        for task, _, _ in self._parts:
+            if not task.set_based:
+                task.hessian(self._curvature.hessians[self._rows[task.name]])
 
     def check_hierarchy(
         self,
@@ -204,7 +223,8 @@ class Stack:
     def systems(self) -> list[System]:
         """What every level was in the last step."""
         counts = np.repeat(
-            [not task.one_sided for task, _ in self._parts], [task.k for task, _ in self._parts]
+            [not task.one_sided for task, _, _ in self._parts],
+            [task.k for task, _, _ in self._parts],
         )
         answered = self._J @ self._wish
         found = []
@@ -257,11 +277,19 @@ class Stack:
         try:
             # What overflows is not finite and refused below.
             with np.errstate(over='ignore', invalid='ignore'):
-                for task, velocity in self._parts:
+                for task, velocity, error in self._parts:
                     task.update()
                     task.desired_velocity(velocity)
+                    if not task.set_based:
+                        error[:] = task.error
                 bounds = self.guard.bounds(self.robot.q)
-                scale = self.solver.solve(self._J, self._velocity, bounds, self._wish)
+                scale = self.solver.solve(
+                    self._J,
+                    self._velocity,
+                    bounds,
+                    self._wish,
+                    self._curvature if self.settle else None,
+                )
         except np.linalg.LinAlgError:
             self._refuse(q)
         if self._unaimed:

@@ -177,7 +177,9 @@ def build_stack(robot: Robot, values: Flat) -> Stack:
         _objective(robot, values),
         values['solver.saturation'],
     )
-    return Stack(robot, tasks, values['hierarchy'], solver, _period(values))
+    return Stack(
+        robot, tasks, values['hierarchy'], solver, _period(values), values['solver.settle']
+    )
 
 
 def _period(values: Flat) -> float:

@@ -62,6 +62,8 @@ def check_changes(
     for key, value in checked.items():
         if key == HIERARCHY:
             steps.append(partial(setattr, stack, 'hierarchy', value))
+        elif key == 'solver.settle':
+            steps.append(partial(setattr, stack, 'settle', value))
         elif key == 'solver.objective.gain':
             steps.append(partial(setattr, stack.solver.objective, 'gain', value))
         elif key.startswith('tasks.'):

@@ -9,6 +9,7 @@ from typing import Any
 from tp_controller.errors import NO_VALUE, InvalidValue, shown
 from tp_controller.objectives import OBJECTIVE_TYPES
 from tp_controller.parameters import (
+    BOOLEAN,
     NAME,
     NUMBER,
     NUMBERS,
@@ -124,6 +125,13 @@ CONTROLLER: Mapping[str, Parameter] = {
         'is infeasible, lowest levels first',
         default=SATURATIONS[0],
         choices=SATURATIONS,
+    ),
+    'solver.settle': Parameter(
+        BOOLEAN,
+        'Whether goals that cannot be had end in rest, with levels of strict priority; else the '
+        'published laws alone',
+        default=True,
+        runtime=True,
     ),
     'solver.objective.type': Parameter(
         TEXT,

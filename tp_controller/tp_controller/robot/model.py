@@ -246,6 +246,7 @@ class Frame:
         self._coupling = coupling
         self._jacobian: Matrix | None = None
         self._hessian: NDArray[np.float64] | None = None
+        self._own_chain: NDArray[np.int64] | None = None
         # Views into Pinocchio's data: they follow every update without a call.
         pose = data.oMf[index]
         self.position: Vector = pose.translation
@@ -269,32 +270,23 @@ class Frame:
     def jacobian(self) -> Matrix:
         """Jacobian (6, n) to the frame's twist [v; ω], both in the base frame; read-only."""
         if self._jacobian is None:
-            jacobian = self._model_jacobian()
+            jacobian = self.model_jacobian()
             self._jacobian = jacobian if self._coupling is None else jacobian @ self._coupling.S
             self._jacobian.flags.writeable = False
         return self._jacobian
 
     @property
     def hessian(self) -> NDArray[np.float64]:
-        """Derivative (6, n, n) of the Jacobian by the joints, the last index; read-only.
-
-        With columns ``[vᵢ; ωᵢ]``, joints counted from the base: for j ≤ i both are turned by
-        joint j, ``ωⱼ × vᵢ`` and ``ωⱼ × ωᵢ``; for j > i only the frame's origin moves,
-        ``ωᵢ × vⱼ`` and 0 (Hourtash 2005).
-        """
+        """Derivative (6, n, n) of the Jacobian by the joints, the last index; read-only."""
         if self._hessian is None:
-            jacobian = self._model_jacobian()
-            v, w = jacobian[:3].T, jacobian[3:].T
-            # [i, j] is ωⱼ × vᵢ, later with i and j exchanged above the diagonal.
-            turned = np.cross(w[None, :, :], v[:, None, :])
-            lower = np.tri(len(v), dtype=bool)[:, :, None]
-            hessian = np.concatenate(
-                [
-                    np.where(lower, turned, turned.swapaxes(0, 1)),
-                    np.where(lower, np.cross(w[None, :, :], w[:, None, :]), 0.0),
-                ],
-                axis=2,
-            ).transpose(2, 0, 1)
+            # Compiled, or loaded, for those that need it.
+            from tp_controller.robot.curvature import chain_hessian
+
+            jacobian = self.model_jacobian()
+            hessian = np.zeros((6, jacobian.shape[1], jacobian.shape[1]))
+            if self._own_chain is None:
+                self._own_chain = self.chain()
+            chain_hessian(jacobian, self._own_chain, hessian)
             if self._coupling is not None:
                 S = self._coupling.S
                 hessian = np.einsum('rij,ik,jl->rkl', hessian, S, S)
@@ -302,8 +294,15 @@ class Frame:
             self._hessian.flags.writeable = False
         return self._hessian
 
-    def _model_jacobian(self) -> Matrix:
-        """Jacobian (6, m) by the joints of the model."""
+    def chain(self, reference: Frame | None = None) -> NDArray[np.int64]:
+        """Velocity indices of the model's joints (p,) from a reference, or the base, to here."""
+        frames = self._model.frames
+        start = 0 if reference is None else frames[reference.index].parentJoint
+        path = joint_path(self._model, frames[self.index].parentJoint, start)
+        return np.array([self._model.joints[joint].idx_v for joint, _ in reversed(path)], int)
+
+    def model_jacobian(self) -> Matrix:
+        """Jacobian (6, m) to the twist in the base frame, by the joints of the model."""
         jacobian = pin.getFrameJacobian(
             self._model, self._data, self.index, pin.LOCAL_WORLD_ALIGNED
         )

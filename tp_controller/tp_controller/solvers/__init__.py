@@ -5,7 +5,7 @@ from tp_controller.solvers.base import SATURATIONS, Solver
 from tp_controller.solvers.extended_jacobian import ExtendedJacobianSolver
 from tp_controller.solvers.hqp import HQPSolver
 from tp_controller.solvers.inverses import DEFAULT, INVERSES, Inverse
-from tp_controller.solvers.problem import Bounds, Levels, Rows
+from tp_controller.solvers.problem import Bounds, Curvature, Levels, Rows
 from tp_controller.solvers.projected_gradient import ProjectedGradientSolver
 from tp_controller.solvers.recursive import RecursiveSolver
 from tp_controller.solvers.weighted import WeightedSolver
@@ -30,6 +30,7 @@ __all__ = [
     'SOLVER_TYPES',
     'AugmentedSolver',
     'Bounds',
+    'Curvature',
     'ExtendedJacobianSolver',
     'HQPSolver',
     'Inverse',

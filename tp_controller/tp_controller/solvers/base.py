@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.objectives import Objective
 from tp_controller.solvers.inverses import DEFAULT, ONE_SIDED, Inverse
-from tp_controller.solvers.problem import Bounds, Levels, Rows
+from tp_controller.solvers.problem import Bounds, Curvature, Levels, Rows
 from tp_controller.solvers.working_set import WorkingSet
 
 Vector = NDArray[np.float64]
@@ -58,6 +58,8 @@ class Solver(ABC):
 
     type: ClassVar[str]
     """Name of the solver in parameter files."""
+    settles: ClassVar[bool] = False
+    """Whether levels that cannot get what they ask for are settled, see `settling`."""
     proven: bool = True
     """Whether the last answer is known to be what the scheme promises."""
 
@@ -212,7 +214,14 @@ class Solver(ABC):
         """Groups of tasks that are inverted together; all of them unless overridden."""
         return [list(chain.from_iterable(levels))] if levels else []
 
-    def solve(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
+    def solve(
+        self,
+        J: Matrix,
+        velocity: Vector,
+        bounds: Bounds,
+        qd: Vector,
+        curvature: Curvature | None = None,
+    ) -> float:
         """Write the joint velocity (n,) that answers the levels to ``qd``.
 
         Which rows of one-sided tasks decide on it is then in ``acting`` (K,).
@@ -225,6 +234,9 @@ class Solver(ABC):
             Desired task velocities (K,), of one-sided tasks the least ones.
         bounds
             Between what the joints may move.
+        curvature
+            Errors and second derivatives, for schemes that settle levels which cannot get what
+            they ask for; left out, no scheme does.
 
         Returns
         -------
@@ -237,9 +249,16 @@ class Solver(ABC):
         numpy.linalg.LinAlgError
             If a Jacobian is not finite or leaves the range of floats.
         """
-        return self._resolve(J, velocity, bounds, qd)
+        return self._resolve(J, velocity, bounds, qd, curvature)
 
-    def _resolve(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
+    def _resolve(
+        self,
+        J: Matrix,
+        velocity: Vector,
+        bounds: Bounds,
+        qd: Vector,
+        curvature: Curvature | None = None,
+    ) -> float:
         if self._set is None:
             self._set = WorkingSet(
                 self._kernel,
@@ -250,7 +269,7 @@ class Solver(ABC):
                 self._tolerance,
                 self.holds_joints,
             )
-        scale = self._set.resolve(J, velocity, bounds, qd)
+        scale = self._set.resolve(J, velocity, bounds, qd, curvature if self.settles else None)
         if self._one_sided.size:
             self.acting[self._one_sided] = self._set.acts[self._one_sided]
         return scale

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue
 from tp_controller.solvers.base import RANK_TOLERANCE, Solver
-from tp_controller.solvers.problem import Bounds, Levels
+from tp_controller.solvers.problem import Bounds, Curvature, Levels
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -72,7 +72,14 @@ class ExtendedJacobianSolver(Solver):
         if self.objective is not None and len(self._starts) > 1:
             self._starts[-1] = self.n
 
-    def solve(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
+    def solve(
+        self,
+        J: Matrix,
+        velocity: Vector,
+        bounds: Bounds,
+        qd: Vector,
+        curvature: Curvature | None = None,
+    ) -> float:
         """Write the joint velocity (n,) to ``qd``; see `Solver.solve`."""
         if self.objective is None:
             return self._resolve(J, velocity, bounds, qd)

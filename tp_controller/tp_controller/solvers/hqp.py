@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.solvers.base import Solver
-from tp_controller.solvers.problem import Bounds, Levels
+from tp_controller.solvers.problem import Bounds, Curvature, Levels
 from tp_controller.solvers.working_set import BROKEN
 
 Vector = NDArray[np.float64]
@@ -46,6 +46,7 @@ class HQPSolver(Solver):
     """
 
     type = 'hqp'
+    settles = True
 
     def arrange(self, levels: Levels) -> Levels:
         """Groups of tasks that are resolved together: every level by itself."""
@@ -76,6 +77,8 @@ class HQPSolver(Solver):
         self._asked, self._again, self._moved = np.zeros((3, k))
         self._free = np.zeros(n)
         self._lower, self._upper = np.zeros(n), np.zeros(n)
+        self._flat = self._curvature = Curvature.none(n)
+        self._settling = self._kernel.PLAIN
         self._bounds: Bounds | None = None
         self.proven = True
         self._shares = np.ones(len(self._groups))
@@ -117,7 +120,14 @@ class HQPSolver(Solver):
         """What uniform scaling left of the last step's velocity: all of it."""
         return 1.0
 
-    def solve(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
+    def solve(
+        self,
+        J: Matrix,
+        velocity: Vector,
+        bounds: Bounds,
+        qd: Vector,
+        curvature: Curvature | None = None,
+    ) -> float:
         """Write the joint velocity (n,) to ``qd``; see `Solver.solve`.
 
         Returns
@@ -126,6 +136,8 @@ class HQPSolver(Solver):
             1 where no joint's bound stopped a level. Else the least share of what is asked for
             that any level of equalities gets, levels above and bounds taken together.
         """
+        self._curvature = curvature or self._flat
+        self._settling = self._kernel.PLAIN if curvature is None else self._kernel.SIMPLE
         self._rows[self.n :], self._wish[self.n :] = J, velocity
         self._acts[: self.n] = False
         self._acts[self.n :] = self._equal
@@ -171,12 +183,42 @@ class HQPSolver(Solver):
             self._endless,
             self._work,
             self._unused,
+            self._settling,
+            self.n,
+            self._curvature.errors,
+            self._curvature.hessians,
+            self._curvature.bends,
         )
+
+    def _bend(self) -> None:
+        """Go on with second derivatives."""
+        self._curvature.fill()
+        self._settling = self._kernel.BENT
 
     def _recur(self) -> None:
         """Fill the recursion's answer to the rows that act."""
-        if not self._kernel.resolve(*self._recursion(), self._free):
+        kernel = self._kernel
+        result = kernel.resolve(*self._recursion(), self._free)
+        if result == kernel.UNKNOWN:
+            self._bend()
+            result = kernel.resolve(*self._recursion(), self._free)
+        if result != kernel.DONE:
             raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
+
+    def _ask_again(self, bounds: Bounds, qd: Vector) -> int:
+        """Fill what the levels ask for together with what stopped them."""
+        problem = self.problem
+        self._joints[:], self._free[:], self._again[:] = problem.stopped_joints, qd, self._asked
+        return self._second.ask_again(
+            *self._recursion(),
+            self._equal,
+            self._was_rows,
+            self._joints,
+            bounds.range_lower,
+            bounds.range_upper,
+            self._again,
+            self._free,
+        )
 
     def _pass_again(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> bool:
         """Let levels ask for what they get together with what stopped them.
@@ -188,17 +230,10 @@ class HQPSolver(Solver):
         """
         problem, second = self.problem, self._second
         self._was_rows[:], self._was_joints[:] = problem.stopped_rows, problem.stopped_joints
-        self._joints[:], self._free[:], self._again[:] = problem.stopped_joints, qd, self._asked
-        found = second.ask_again(
-            *self._recursion(),
-            self._equal,
-            self._was_rows,
-            self._joints,
-            bounds.range_lower,
-            bounds.range_upper,
-            self._again,
-            self._free,
-        )
+        found = self._ask_again(bounds, qd)
+        if found == second.BENDS:
+            self._bend()
+            found = self._ask_again(bounds, qd)
         if found == second.NOTHING:
             return False
         if found < 0:

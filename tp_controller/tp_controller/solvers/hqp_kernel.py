@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from numba import boolean, float64, int64, njit, types, void
 
-from tp_controller.solvers.kernel import resolve
+from tp_controller.solvers.kernel import DONE, UNKNOWN, resolve
 
 ROWS = float64[:, ::1]
 COLUMN = float64[::1]
 FIXED = types.Array(float64, 1, 'C', readonly=True)
 
+FAILS, BENDS = -1, -2
+"""What `ask_again` returns if a level is not finite, and if second derivatives are needed."""
 NOTHING, ONE, SEVERAL = 0, 1, 2
 """What `ask_again` found: nothing stopped a level; one recursion answers all; several do."""
 
@@ -28,6 +30,11 @@ NOTHING, ONE, SEVERAL = 0, 1, 2
         ROWS,
         float64,
         FIXED,
+        float64[:, :, ::1],
+        COLUMN,
+        int64,
+        int64,
+        COLUMN,
         float64[:, :, ::1],
         COLUMN,
         boolean[::1],
@@ -51,6 +58,11 @@ def ask_again(  # type: ignore[no-untyped-def]
     endless,
     work,
     shares,
+    settling,
+    offset,
+    errors,
+    hessians,
+    bends,
     equal,
     stopped_rows,
     stopped_joints,
@@ -63,7 +75,8 @@ def ask_again(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    J, wish, acts, starts, rules, basis, tolerance, endless, work, shares
+    J, wish, acts, starts, rules, basis, tolerance, endless, work, shares, settling, offset, \
+    errors, hessians, bends
         As `kernel.resolve`, with the n joints as rows of a level above all others.
     equal
         Which of the other rows always act (K,).
@@ -80,7 +93,7 @@ def ask_again(  # type: ignore[no-untyped-def]
     Returns
     -------
     int
-        `NOTHING`, `ONE` or `SEVERAL`; negative if a level is not finite.
+        `NOTHING`, `ONE` or `SEVERAL`; `FAILS` or `BENDS`.
     """
     n, k = qd.size, asked.size
     stops = False
@@ -112,10 +125,12 @@ def ask_again(  # type: ignore[no-untyped-def]
                 acts[i] = 0 <= stopped_joints[i] <= level
             for i in range(k):
                 acts[n + i] = equal[i] or 0 <= stopped_rows[i] <= level
-            if not resolve(
-                J, wish, acts, starts, rules, basis, tolerance, endless, work, shares, qd
-            ):
-                return -1
+            done = resolve(
+                J, wish, acts, starts, rules, basis, tolerance, endless, work, shares,
+                settling, offset, errors, hessians, bends, qd,
+            )  # fmt: skip
+            if done != DONE:
+                return BENDS if done == UNKNOWN else FAILS
             found = ONE if found == NOTHING else SEVERAL
             last = level
         for row in range(first, end):

@@ -13,57 +13,31 @@ import math
 import numpy as np
 from numba import boolean, float64, int64, njit, types
 
+from tp_controller.solvers.settling import (
+    LOSES,
+    NOTHING,
+    UNKNOWN,
+    keep,
+    orthogonalise,
+    reserve,
+    settle,
+)
+
 STILL = 1e-13
 """A row of a Jacobian that is shorter [m/rad, -] is rounding: no joint moves it."""
 SHORT = 1e-8
 """A joint that the freedom moves by less than this share cannot be held by it."""
-ORTHOGONAL = 1e-15
-"""Rows whose cosine is below this count as orthogonal."""
-SWEEPS = 60
-"""More than any matrix needs; Jacobi's method converges quadratically."""
 
+PLAIN, SIMPLE, BENT = 0, 1, 2
+"""Whether levels are settled: not at all, without second derivatives as long as it is certain
+that they would change nothing, and with them."""
+FAILED, DONE = 0, 1
+"""What `resolve` returns, beside `UNKNOWN`."""
 
 ROWS = float64[:, ::1]
+CUBE = float64[:, :, ::1]
 COLUMN = float64[::1]
 FIXED = types.Array(float64, 1, 'C', readonly=True)
-
-
-@njit(cache=True)
-def _orthogonalise(B, W, p, q):  # type: ignore[no-untyped-def]
-    """Turn the p rows (q,) of B until they are orthogonal; W (p, p) is the turn.
-
-    One-sided Jacobi (Hestenes 1958): afterwards the rows are right singular vectors times
-    singular values, and the rows of W the left singular vectors.
-    """
-    for i in range(p):
-        for j in range(p):
-            W[i, j] = 1.0 if i == j else 0.0
-    for _ in range(SWEEPS):
-        turned = False
-        for i in range(p - 1):
-            for j in range(i + 1, p):
-                ii = ij = jj = 0.0
-                for c in range(q):
-                    ii += B[i, c] * B[i, c]
-                    ij += B[i, c] * B[j, c]
-                    jj += B[j, c] * B[j, c]
-                if not abs(ij) > ORTHOGONAL * math.sqrt(ii * jj):
-                    continue
-                turned = True
-                ratio = (jj - ii) / (2.0 * ij)
-                t = 1.0 / (abs(ratio) + math.sqrt(1.0 + ratio * ratio))
-                if ratio < 0.0:
-                    t = -t
-                cosine = 1.0 / math.sqrt(1.0 + t * t)
-                sine = cosine * t
-                for c in range(q):
-                    a, b = B[i, c], B[j, c]
-                    B[i, c], B[j, c] = cosine * a - sine * b, sine * a + cosine * b
-                for c in range(p):
-                    a, b = W[i, c], W[j, c]
-                    W[i, c], W[j, c] = cosine * a - sine * b, sine * a + cosine * b
-        if not turned:
-            return
 
 
 @njit(cache=True)
@@ -142,7 +116,7 @@ def _gather(J, velocity, acts, first, k, qd, order, residual):  # type: ignore[n
 
 
 @njit(cache=True)
-def _invert(J, order, k, N, m, rule, smallest, sides, answers, count, B, W):  # type: ignore[no-untyped-def]
+def _invert(J, order, k, N, m, rule, smallest, sides, answers, count, B, W, U, S):  # type: ignore[no-untyped-def]
     """Answer right sides by a filtered inverse of ``J N``, in coordinates of the basis N.
 
     Parameters
@@ -160,6 +134,9 @@ def _invert(J, order, k, N, m, rule, smallest, sides, answers, count, B, W):  # 
     B, W
         Space to work in. The first rows (m,) of B are then orthonormal: the directions that
         the level has taken.
+    U, S
+        Results: for each of these directions the rows' shares (k,), of unit length, and the
+        singular value.
 
     Returns
     -------
@@ -180,7 +157,7 @@ def _invert(J, order, k, N, m, rule, smallest, sides, answers, count, B, W):  # 
                 B[j, i] = entry
             else:
                 B[i, j] = entry
-    _orthogonalise(B, W, p, q)
+    orthogonalise(B, W, p, q)
     for side in range(count):
         for c in range(m):
             answers[side, c] = 0.0
@@ -202,8 +179,11 @@ def _invert(J, order, k, N, m, rule, smallest, sides, answers, count, B, W):  # 
                 along += left[i, c] * sides[side, c]
             for c in range(m):
                 answers[side, c] += along / filtered * right[i, c]
+        for c in range(k):
+            U[rank, c] = B[i, c] / s if tall else W[i, c]
         for c in range(m):
             B[rank, c] = W[i, c] if tall else B[i, c] / s
+        S[rank] = s
         rank += 1
     return rank
 
@@ -230,7 +210,7 @@ def _interval(start, way, limit, held):  # type: ignore[no-untyped-def]
 
 
 @njit(
-    boolean(
+    int64(
         ROWS,
         COLUMN,
         boolean[::1],
@@ -241,11 +221,19 @@ def _interval(start, way, limit, held):  # type: ignore[no-untyped-def]
         FIXED,
         float64[:, :, ::1],
         COLUMN,
+        int64,
+        int64,
+        COLUMN,
+        CUBE,
+        COLUMN,
         COLUMN,
     ),
     cache=True,
 )
-def resolve(J, velocity, acts, starts, rules, basis, tolerance, limit, work, shares, qd):  # type: ignore[no-untyped-def]
+def resolve(  # type: ignore[no-untyped-def]
+    J, velocity, acts, starts, rules, basis, tolerance, limit, work, shares,
+    settling, offset, errors, hessians, bends, qd,
+):  # fmt: skip
     """Resolve levels one after the other so that no joint ever exceeds its limit.
 
     Each level starts from the velocity of those above it, which is inside the limits, and
@@ -276,13 +264,20 @@ def resolve(J, velocity, acts, starts, rules, basis, tolerance, limit, work, sha
         Space to work in, see `workspace`.
     shares
         Share (levels,) of what is left to each level that it gets, from 0 to 1; a result.
+    settling
+        `PLAIN`: the published laws alone. Else levels that cannot get what they ask for are
+        settled, see `settling`: `BENT` with second derivatives that are known, `SIMPLE` without.
+    offset, errors, hessians, bends
+        First row that has an error, and for the rows from there on their errors (E,), the
+        second derivatives (E, n, n) of their variables, and bounds (E,) on those.
     qd
         Joint velocity (n,), the result.
 
     Returns
     -------
-    bool
-        False if a Jacobian or the result is not finite.
+    int
+        `DONE`, `FAILED` if a Jacobian or the result is not finite, or `UNKNOWN` if second
+        derivatives are needed.
     """
     n = qd.size
     qd[:] = 0.0
@@ -291,16 +286,34 @@ def resolve(J, velocity, acts, starts, rules, basis, tolerance, limit, work, sha
     sides, answers, order = work[4, 0:2], work[6, 0:2], work[4, 2]
     base, start, way = work[7, 0, :n], work[7, 1, :n], work[7, 2, :n]
     best, held = work[8, 0, :n], work[8, 1, :n]
+    U, S = work[9], work[10, 0]
+    taken, rows, lengths = work[11], work[12], work[10, 1]
+    raw, A, turn = work[13], work[14], work[15]
+    weights, lost, pull = work[10, 2, : velocity.size], work[10, 3, : velocity.size], work[10, 4]
     N[:n, :n] = basis
     m = n
-    for level in range(starts.size - 1):
-        first, k = starts[level], starts[level + 1] - starts[level]
-        k, square = _gather(J, velocity, acts, first, k, qd, order, sides[0])
+    count, levels = 0, starts.size - 1
+    for level in range(levels):
+        first, end = starts[level], starts[level + 1]
+        k, square = _gather(J, velocity, acts, first, end - first, qd, order, sides[0])
         if not square < math.inf:
-            return False
+            return FAILED
         smallest = tolerance * math.sqrt(square)
-        full = _invert(J, order, k, N[:, :n], m, rules[level], smallest, sides, answers, 1, B, W)
-        if full == 0:
+        full = _invert(
+            J, order, k, N[:, :n], m, rules[level], smallest, sides, answers, 1, B, W, U, S
+        )
+        found = NOTHING
+        if settling != PLAIN:
+            found = settle(
+                J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
+                N[:, :n], m, full, B, U, S, sides[0], rules[level], square, level + 1 < levels,
+                count, taken, rows, lengths, weights, pull[:n], raw, A, turn, lost, answers[0],
+            )  # fmt: skip
+            if found == UNKNOWN:
+                return UNKNOWN
+            above = count
+            count = keep(N[:, :n], m, B, U, S, order, k, full, count, taken, rows, lengths)
+        if full == 0 and found == NOTHING:
             continue
         for c in range(n):
             base[c] = start[c] = qd[c]
@@ -310,11 +323,16 @@ def resolve(J, velocity, acts, starts, rules, basis, tolerance, limit, work, sha
                 way[c] += answers[0, j] * N[j, c]
             # Comparisons with limits would say nothing about what is not finite.
             if not math.isfinite(way[c]):
-                return False
+                return FAILED
         freedom = m
         if full < m:
             _reduce(N, spare, B, answers[1], full, m, n)
         m -= full
+        if found != NOTHING and m > 0:
+            m = reserve(
+                J, first, end, square, hessians, offset, lost, above, taken, rows, lengths,
+                weights, pull[:n], raw, A, turn, N[:, :n], m,
+            )  # fmt: skip
         share = -1.0
         while True:
             low, high, critical = _interval(start, way, limit, held)
@@ -323,7 +341,8 @@ def resolve(J, velocity, acts, starts, rules, basis, tolerance, limit, work, sha
                 share = reached
                 for c in range(n):
                     best[c] = start[c] + share * way[c]
-            if critical < 0 or share >= 1.0:
+            # A level that loses is scaled: holding joints would change what it loses.
+            if critical < 0 or share >= 1.0 or found == LOSES:
                 break
             length = 0.0
             for j in range(freedom):
@@ -351,7 +370,7 @@ def resolve(J, velocity, acts, starts, rules, basis, tolerance, limit, work, sha
                     moved += J[int(order[i]), c] * (base[c] - qd[c])
                 sides[1, i] = moved
             rank = _invert(
-                J, order, k, Z[:, :n], freedom, rules[level], smallest, sides, answers, 2, B, W
+                J, order, k, Z[:, :n], freedom, rules[level], smallest, sides, answers, 2, B, W, U, S
             )
             if rank < full:
                 break
@@ -370,7 +389,7 @@ def resolve(J, velocity, acts, starts, rules, basis, tolerance, limit, work, sha
     finite = True
     for c in range(n):
         finite = finite and math.isfinite(qd[c])
-    return finite
+    return DONE if finite else FAILED
 
 
 @njit(float64(COLUMN, FIXED), cache=True)
@@ -405,5 +424,5 @@ def outside(qd, lower, upper):  # type: ignore[no-untyped-def]
 
 def workspace(rows: int, n: int) -> np.ndarray:
     """Space for up to ``rows`` rows in all and n joints."""
-    size = max(rows, n, 3)
-    return np.zeros((9, size, size))
+    size = max(rows, n, 5)
+    return np.zeros((16, size, size))

@@ -81,7 +81,7 @@ class LexicographicProblem:
         self._basis = np.ascontiguousarray(T.T)
         self._tolerance = RANK_TOLERANCE * float(np.linalg.norm(T, 2))
         size = max(2 * n + rows, 3)
-        self._work = np.zeros((12, size, size))
+        self._work = np.zeros((14, size, size))
         self._state = np.zeros(4, dtype=np.int64)
         # At most: the box, every row with a violation of its own, and those violations.
         most = n + 2 * rows

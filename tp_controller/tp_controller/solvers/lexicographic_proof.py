@@ -152,11 +152,11 @@ def _cone(C, count, m, g, weights, G, h, free):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _step(J, order, k, right, smallest, x, N, m, spare, answers, B, W):  # type: ignore[no-untyped-def]
+def _step(J, order, k, right, smallest, x, N, m, spare, answers, B, W, U, S):  # type: ignore[no-untyped-def]
     """Add the least squares of rows to x, take them out of the basis; return its new size."""
     n = x.size
     rule = UNDAMPED
-    rank = _invert(J, order, k, N[:, :n], m, rule, smallest, right, answers, 1, B, W)
+    rank = _invert(J, order, k, N[:, :n], m, rule, smallest, right, answers, 1, B, W, U, S)
     for c in range(n):
         for j in range(m):
             x[c] += answers[0, j] * N[j, c]
@@ -213,6 +213,7 @@ def settle(  # type: ignore[no-untyped-def]
     x, g, weights, free, h = work[7, 0, :n], work[7, 1], work[7, 2], work[8, 0], work[8, 1]
     kept, C, G, normals = work[9, 0], work[5], work[10], work[11]
     which, sign = work[9, 2], work[8, 2]
+    U, S = work[12], work[13, 0]
     m = state[0]
     largest = 1.0
     for c in range(n):
@@ -302,14 +303,14 @@ def settle(  # type: ignore[no-untyped-def]
                     length += squared(normals[i, :n])
                 smallest = tolerance * math.sqrt(length)
                 m = _step(
-                    normals, weights, stopped, right, smallest, x, N, m, spare, answers, B, W
+                    normals, weights, stopped, right, smallest, x, N, m, spare, answers, B, W, U, S
                 )
             if m > 0:
                 for i in range(k):
                     r = int(order[i])
                     right[0, i] = velocity[r] - along(J[r], x)
                 smallest = tolerance * math.sqrt(square)
-                m = _step(J, order, k, right, smallest, x, N, m, spare, answers, B, W)
+                m = _step(J, order, k, right, smallest, x, N, m, spare, answers, B, W, U, S)
             state[0] = m
         for r in range(starts[level], starts[level + 1]):
             if one_sided[r] and velocity[r] - along(J[r], out) <= ACTIVE * largest:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -54,3 +54,21 @@ class Bounds(NamedTuple):
         """Bounds of velocity limits (n,) alone."""
         endless = np.full_like(speed, np.inf)
         return cls(speed, -endless, endless, -speed, speed, False)
+
+
+class Curvature(NamedTuple):
+    """What settling needs to know of the rows of all levels (K,), see `settling`."""
+
+    errors: Vector
+    """Errors (K,), zero for rows that have none."""
+    bends: Vector
+    """Bounds (K,) on the second derivatives of the variables by unit joint motions."""
+    hessians: NDArray[np.float64]
+    """Second derivatives (K, n, n) of the variables, as they were filled last."""
+    fill: Callable[[], None]
+    """Fills in the second derivatives at the present configuration."""
+
+    @classmethod
+    def none(cls, n: int) -> Curvature:
+        """Nothing known: the published laws alone."""
+        return cls(np.zeros(0), np.zeros(0), np.zeros((0, n, n)), lambda: None)

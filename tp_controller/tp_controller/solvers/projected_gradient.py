@@ -11,7 +11,7 @@ from tp_controller.errors import NO_VALUE, InvalidValue, listed
 from tp_controller.objectives import OBJECTIVE_TYPES, Objective
 from tp_controller.solvers.base import SATURATIONS
 from tp_controller.solvers.inverses import DEFAULT, Inverse
-from tp_controller.solvers.problem import Bounds, Levels
+from tp_controller.solvers.problem import Bounds, Curvature, Levels
 from tp_controller.solvers.recursive import RecursiveSolver
 
 Vector = NDArray[np.float64]
@@ -58,11 +58,18 @@ class ProjectedGradientSolver(RecursiveSolver):
         super()._set_rules()
         self._rules = np.vstack([self._rules, [0.0, 1.0]])
 
-    def solve(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
+    def solve(
+        self,
+        J: Matrix,
+        velocity: Vector,
+        bounds: Bounds,
+        qd: Vector,
+        curvature: Curvature | None = None,
+    ) -> float:
         """Write the joint velocity (n,) to ``qd``; see `Solver.solve`."""
         self._J[: self.k] = J
         self._velocity[: self.k] = velocity
         assert self.objective is not None
         self.objective.climb(self._gradient)
         np.dot(self._Lt, self._gradient, out=self._velocity[self.k :])
-        return self._resolve(self._J, self._velocity, bounds, qd)
+        return self._resolve(self._J, self._velocity, bounds, qd, curvature)

@@ -23,6 +23,7 @@ class RecursiveSolver(Solver):
     """
 
     type = 'recursive'
+    settles = True
 
     def arrange(self, levels: Levels) -> Levels:
         """Groups of tasks that are inverted together: every level by itself."""

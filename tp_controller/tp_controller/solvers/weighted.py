@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.solvers.base import Solver
-from tp_controller.solvers.problem import Bounds, Levels
+from tp_controller.solvers.problem import Bounds, Curvature, Levels
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -33,7 +33,14 @@ class WeightedSolver(Solver):
         self._roots = np.sqrt(np.concatenate([*roots, np.zeros(0)]))
         self._J, self._velocity = np.zeros((self.k, self.n)), np.zeros(self.k)
 
-    def solve(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
+    def solve(
+        self,
+        J: Matrix,
+        velocity: Vector,
+        bounds: Bounds,
+        qd: Vector,
+        curvature: Curvature | None = None,
+    ) -> float:
         """Write the joint velocity (n,) to ``qd``; see `Solver.solve`."""
         np.multiply(J, self._roots[:, None], out=self._J)
         np.multiply(velocity, self._roots, out=self._velocity)

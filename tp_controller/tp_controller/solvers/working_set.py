@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.solvers.problem import Bounds
+from tp_controller.solvers.problem import Bounds, Curvature
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -83,10 +83,21 @@ class WorkingSet:
         self.held, self.acts = self._acts[:n], self._acts[n:]
         self.shares = self._shares[1:]
         self.scale = 1.0
+        self._flat = self._curvature = Curvature.none(n)
+        self._settling = kernel.PLAIN
 
-    def resolve(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> float:
+    def resolve(
+        self,
+        J: Matrix,
+        velocity: Vector,
+        bounds: Bounds,
+        qd: Vector,
+        curvature: Curvature | None = None,
+    ) -> float:
         """Write the answer (n,) to ``qd``; parameters and result as `Solver.solve`."""
         n = self._n
+        self._curvature = curvature or self._flat
+        self._settling = self._kernel.PLAIN if curvature is None else self._kernel.SIMPLE
         self._J[n:], self._velocity[n:] = J, velocity
         self._acts[:n] = False
         self._acts[self._one_sided] = False
@@ -142,7 +153,22 @@ class WorkingSet:
             came.append(worst)
 
     def _answer(self, bounds: Bounds, qd: Vector) -> float:
-        finite = self._kernel.resolve(
+        kernel, curvature = self._kernel, self._curvature
+        result = self._recur(bounds, qd)
+        if result == kernel.UNKNOWN:
+            curvature.fill()
+            self._settling = kernel.BENT
+            result = self._recur(bounds, qd)
+        if result == kernel.FAILED:
+            raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
+        if self._holds_joints:
+            return float(self.shares.min(initial=1.0))
+        self.scale = kernel.shorten(qd, bounds.speed)
+        return self.scale
+
+    def _recur(self, bounds: Bounds, qd: Vector) -> int:
+        errors, bends, hessians, _ = self._curvature
+        return self._kernel.resolve(
             self._J,
             self._velocity,
             self._acts,
@@ -153,11 +179,10 @@ class WorkingSet:
             bounds.speed if self._holds_joints else self._endless,
             self._work,
             self._shares,
+            self._settling,
+            self._n,
+            errors,
+            hessians,
+            bends,
             qd,
         )
-        if not finite:
-            raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
-        if self._holds_joints:
-            return float(self.shares.min(initial=1.0))
-        self.scale = self._kernel.shorten(qd, bounds.speed)
-        return self.scale

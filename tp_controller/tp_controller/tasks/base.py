@@ -147,6 +147,18 @@ class Task(ABC):
     def update(self) -> None:
         """Compute `error` and `J` at the robot's present configuration."""
 
+    @property
+    def bend(self) -> Vector:
+        """Bounds (k,) on the second derivatives of the variables by unit joint motions."""
+        return np.zeros(self.k)
+
+    def hessian(self, out: NDArray[np.float64]) -> None:
+        """Write the second derivatives (k, n, n) of the variables, symmetric, to ``out``.
+
+        They are those of ``-error`` at the last update; zero unless overridden.
+        """
+        out[:] = 0.0
+
     def place(self, J: Matrix) -> None:
         """Keep the Jacobian in a given array (k, n) from now on."""
         J[:] = self.J

@@ -100,5 +100,15 @@ class GazeTask(FrameTask):
         v, w = R.T @ self.frame.jacobian[:3], R.T @ self.frame.jacobian[3:]
         self.J[:] = (w + np.cross(d, v, axisb=0).T / distance)[self._others]
 
+    def hessian(self, out: NDArray[np.float64]) -> None:
+        """Write the second derivatives (2, n, n) of the variables, direction held, to ``out``."""
+        R = self.frame.rotation
+        way = R.T @ (self._target - self.frame.position)
+        distance = max(math.sqrt(way @ way), NEAR)
+        hessian = self._twist_hessian()
+        linear, angular = (np.tensordot(R.T, part, 1) for part in (hessian[:3], hessian[3:]))
+        bent = np.cross(way / distance, linear, axisb=0, axisc=0) / distance
+        np.take(angular + bent, self._others, axis=0, out=out)
+
 
 AXIS = GazeTask.parameters['axis']

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
@@ -24,6 +25,9 @@ from tp_controller.tasks.frame import FRAME, VIEW, FrameTask, axis_rows
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
+
+SMALL = 1e-3
+"""Angle [rad] up to which the logarithm counts as linear."""
 
 QUATERNION = ('qx', 'qy', 'qz', 'qw')
 
@@ -156,3 +160,18 @@ class OrientationTask(FrameTask):
             error, J = A.T @ error, A.T @ J
         np.take(error, self._turns, out=self.error)
         np.take(J, self._turns, axis=0, out=self.J)
+
+    def hessian(self, out: NDArray[np.float64]) -> None:
+        """Write the second derivatives (k, n, n) of the variables to ``out``.
+
+        Of ``log(R_des Rᵀ)``, e long, the half square bends less across e than ``JᵀJ`` says: by
+        the factor ``e/2 cot(e/2)``.
+        """
+        super().hessian(out)
+        angle = float(np.sqrt(self.error @ self.error))
+        if self.k < 3 or angle < SMALL:
+            return
+        across = self.J - np.outer(self.error, self.error @ self.J) / angle**2
+        less = 1.0 - 0.5 * angle / math.tan(0.5 * angle)
+        bent = less / angle**2 * (across.T @ across)
+        out += self.error[:, None, None] * bent

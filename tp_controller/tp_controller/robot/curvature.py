@@ -1,0 +1,42 @@
+"""Second derivatives of a chain of joints, compiled by numba.
+
+Importing this module compiles it, or loads what an earlier process compiled.
+"""
+
+from __future__ import annotations
+
+from numba import float64, int64, njit, types, void
+
+TWISTS = types.Array(float64, 2, 'A', readonly=True)
+PLACES = types.Array(int64, 1, 'C', readonly=True)
+
+
+@njit(void(TWISTS, PLACES, float64[:, :, ::1]), cache=True)
+def chain_hessian(jacobian, chain, out):  # type: ignore[no-untyped-def]
+    """Fill the derivative of a Jacobian by the joints.
+
+    With columns ``[vᵢ; ωᵢ]`` and joints counted along the chain: for j up to i both are turned
+    by joint j, ``ωⱼ × vᵢ`` and ``ωⱼ × ωᵢ``; for j after i only the end of the chain moves,
+    ``ωᵢ × vⱼ`` and 0 (Hourtash 2005).
+
+    Parameters
+    ----------
+    jacobian
+        Twist (6, m) of the end of the chain as seen from its beginning, per joint.
+    chain
+        The joints (p,) from the beginning on; the others do not move the end.
+    out
+        Result (6, m, m): the last index is the joint by which the derivative is taken.
+    """
+    out[:] = 0.0
+    for a in range(chain.size):
+        i = chain[a]
+        for b in range(a + 1):
+            j = chain[b]
+            for r in range(3):
+                s, t = (r + 1) % 3, (r + 2) % 3
+                ws, wt = jacobian[3 + s, j], jacobian[3 + t, j]
+                turned = ws * jacobian[t, i] - wt * jacobian[s, i]
+                out[r, i, j] = turned
+                out[r, j, i] = turned
+                out[3 + r, i, j] = ws * jacobian[3 + t, i] - wt * jacobian[3 + s, i]

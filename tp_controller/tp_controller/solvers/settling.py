@@ -1,0 +1,358 @@
+"""Goals that cannot be had end in rest, compiled by numba: no allocation.
+
+Where a level cannot get what it asks for, its first-order model says nothing of the directions
+that it has lost: they come back as soon as the arm moves, and a command that uses them or leaves
+them to lower levels reverses at every step. The curvature of what is lost tells how they come
+back. With the error that is lost, e, the cost ``½ ‖error‖²`` of a level has the second derivative
+``Jᵀ J + M``, ``M = -Σ eᵣ ∂²σᵣ/∂q²``, inside the levels above: their rows count in M with
+multipliers (Lagrange) in place of errors. A level that loses takes a step of Newton's method, and
+the directions in which M is positive are not left to levels below. Newton's method in place of
+Gauss's for levels that conflict: Pfeiffer, Escande and Kheddar, "Singularity resolution in
+equality and inequality constrained hierarchical task-space control by adaptive nonlinear least
+squares", IEEE RA-L 3 (2018).
+
+Nothing is added where every level gets what it asks for: M is that of the lost error alone, and
+a direction with the singular value s counts as lost only where its curvature is above ``4 s²``
+and s is small beside the rows.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+LOST = 4.0
+"""A direction is lost where its curvature is above so many times s²."""
+NEAR = 0.3
+"""Only directions with s below this share of the rows' mean length can be lost."""
+FLAT = 1e-3
+"""Least second derivative, as a share of the rows' mean square, that a Newton step divides by."""
+FREE = 1e-5
+"""From this curvature on, as a share of the rows' mean square, lower levels get no freedom."""
+SHORT = 1e-6
+"""Least mean square of rows [m², -]: shorter ones count as this long."""
+REGULAR = 1e-6
+"""Square of the damping of the multipliers."""
+ORTHOGONAL = 1e-15
+"""Rows whose cosine is below this count as orthogonal."""
+SWEEPS = 60
+"""More than any matrix needs; Jacobi's method converges quadratically."""
+
+NOTHING, LOSES, UNKNOWN, LEAVES = 0, 1, 2, 3
+"""What `settle` found: every direction is served; the answer is changed where it is lost; second
+derivatives are needed; the answer stays, but levels below may not make it worse."""
+
+
+@njit(cache=True)
+def orthogonalise(B, W, p, q):  # type: ignore[no-untyped-def]
+    """Turn the p rows (q,) of B until they are orthogonal; W (p, p) is the turn.
+
+    One-sided Jacobi (Hestenes 1958): afterwards the rows are right singular vectors times
+    singular values, and the rows of W the left singular vectors.
+    """
+    for i in range(p):
+        for j in range(p):
+            W[i, j] = 1.0 if i == j else 0.0
+    for _ in range(SWEEPS):
+        turned = False
+        for i in range(p - 1):
+            for j in range(i + 1, p):
+                ii = ij = jj = 0.0
+                for c in range(q):
+                    ii += B[i, c] * B[i, c]
+                    ij += B[i, c] * B[j, c]
+                    jj += B[j, c] * B[j, c]
+                if not abs(ij) > ORTHOGONAL * math.sqrt(ii * jj):
+                    continue
+                turned = True
+                ratio = (jj - ii) / (2.0 * ij)
+                t = 1.0 / (abs(ratio) + math.sqrt(1.0 + ratio * ratio))
+                if ratio < 0.0:
+                    t = -t
+                cosine = 1.0 / math.sqrt(1.0 + t * t)
+                sine = cosine * t
+                for c in range(q):
+                    a, b = B[i, c], B[j, c]
+                    B[i, c], B[j, c] = cosine * a - sine * b, sine * a + cosine * b
+                for c in range(p):
+                    a, b = W[i, c], W[j, c]
+                    W[i, c], W[j, c] = cosine * a - sine * b, sine * a + cosine * b
+        if not turned:
+            return
+
+
+@njit(cache=True)
+def keep(N, m, B, U, S, order, k, rank, count, taken, rows, lengths):  # type: ignore[no-untyped-def]
+    """Note the directions that a level takes, for the multipliers of levels below.
+
+    Parameters
+    ----------
+    N, m
+        Basis (m, n) of the level's freedom.
+    B, U, S, order, k, rank
+        Singular vectors and values of the level, see `kernel._invert`.
+    count
+        How many directions levels above have taken.
+    taken, rows, lengths
+        Results: joint velocities (D, n), rows' shares (D, K) and singular values (D,).
+
+    Returns
+    -------
+    int
+        How many directions are taken now.
+    """
+    for i in range(rank):
+        d = count + i
+        for c in range(N.shape[1]):
+            entry = 0.0
+            for j in range(m):
+                entry += B[i, j] * N[j, c]
+            taken[d, c] = entry
+        rows[d, :] = 0.0
+        for r in range(k):
+            rows[d, int(order[r])] = U[i, r]
+        lengths[d] = S[i]
+    return count + rank
+
+
+@njit(cache=True)
+def _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull):  # type: ignore[no-untyped-def]
+    """Fill the weights (K,) of rows above ``first`` that balance those of a level.
+
+    The pull ``Jᵀ w`` of the level's rows is taken back along every direction that levels above
+    have taken, the last one first: rows of a level do not move what lower levels have taken.
+    """
+    n = pull.size
+    weights[:first] = 0.0
+    for c in range(n):
+        pull[c] = 0.0
+        for r in range(first, end):
+            pull[c] += weights[r] * J[r, c]
+    for d in range(count - 1, -1, -1):
+        along = 0.0
+        for c in range(n):
+            along += taken[d, c] * pull[c]
+        along *= lengths[d] / (lengths[d] * lengths[d] + REGULAR)
+        if along == 0.0:
+            continue
+        for r in range(first):
+            share = along * rows[d, r]
+            if share != 0.0:
+                weights[r] -= share
+                for c in range(n):
+                    pull[c] -= share * J[r, c]
+
+
+@njit(cache=True)
+def _curvature(weights, end, hessians, offset, N, m, raw, out):  # type: ignore[no-untyped-def]
+    """Fill ``-Σ wᵣ ∂²σᵣ/∂q²`` (m, m) in coordinates of the m rows (n,) of a basis."""
+    n = N.shape[1]
+    for i in range(n):
+        for j in range(n):
+            raw[i, j] = 0.0
+    for r in range(offset, end):
+        if weights[r] != 0.0:
+            for i in range(n):
+                for j in range(n):
+                    raw[i, j] -= weights[r] * hessians[r - offset, i, j]
+    for a in range(m):
+        for b in range(a + 1):
+            total = 0.0
+            for i in range(n):
+                if N[a, i] != 0.0:
+                    part = 0.0
+                    for j in range(n):
+                        part += raw[i, j] * N[b, j]
+                    total += N[a, i] * part
+            out[a, b] = out[b, a] = total
+
+
+@njit(cache=True)
+def settle(  # type: ignore[no-untyped-def]
+    J, order, k, first, end, acts, errors, hessians, bends, known, offset,
+    N, m, rank, B, U, S, side, rule, square, followed,
+    count, taken, rows, lengths, weights, pull, raw, A, W, lost, answer,
+):  # fmt: skip
+    """Change a level's answer where it cannot get what it asks for.
+
+    Parameters
+    ----------
+    J, order, k, first, end, acts
+        Rows (K, n); the k of the level that joints can move; its first and last row; which act.
+    errors, hessians, bends, known, offset
+        Error (K - offset,) of the rows from ``offset`` on, the second derivatives
+        (K - offset, n, n) of their variables, bounds (K - offset,) on those, and whether the
+        second derivatives are filled in.
+    N, m, rank, B, U, S
+        Basis (m, n) of the freedom, and the level's directions, see `kernel._invert`.
+    side, rule, square
+        What the level asks for (k,), its damping, and the square of its Jacobian's norm.
+    followed
+        Whether a level below could use freedom that is left.
+    count, taken, rows, lengths
+        Directions that levels above have taken, see `keep`.
+    weights, pull, raw, A, W
+        Space to work in.
+    lost
+        Result: the error (K,) that is lost, to `reserve`.
+    answer
+        The level's answer (m,), to be changed.
+
+    Returns
+    -------
+    int
+        `NOTHING`, `LOSES`, `UNKNOWN` or `LEAVES`.
+    """
+    if first < offset or end - offset > errors.size:
+        return NOTHING
+    n = N.shape[1]
+    mean = max(square / max(end - first, 1), SHORT)
+    size = 0.0
+    weights[:] = 0.0
+    lost[:] = 0.0
+    for r in range(first, end):
+        if acts[r]:
+            weights[r] = errors[r - offset]
+            lost[r] = weights[r]
+            size = max(size, abs(weights[r]))
+    if size == 0.0:
+        return NOTHING
+    # What is left of the error outside all directions that the level can move.
+    for i in range(rank):
+        along = 0.0
+        for r in range(k):
+            along += U[i, r] * weights[int(order[r])]
+        for r in range(k):
+            lost[int(order[r])] -= along * U[i, r]
+    outside = 0.0
+    for r in range(first, end):
+        outside = max(outside, abs(lost[r]))
+    if outside <= 1e-12 * size:
+        outside = 0.0
+        lost[first:end] = 0.0
+    least = math.inf
+    for i in range(rank):
+        least = min(least, S[i])
+    dropped = rank < min(k, m)
+    near = dropped or least < NEAR * math.sqrt(mean)
+    leaves = followed and m > rank and outside > 0.0
+    if not (near or leaves):
+        return NOTHING
+    _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull)
+    if not known:
+        bound = 0.0
+        for r in range(offset, end):
+            bound += abs(weights[r]) * bends[r - offset]
+        if bound > (FREE * mean if dropped or leaves else LOST * least * least):
+            return UNKNOWN
+        return NOTHING
+    # How far each direction is lost: not at all up to a curvature of LOST s².
+    _curvature(weights, end, hessians, offset, N, m, raw, A)
+    most = 0.0
+    for i in range(rank):
+        W[0, i] = 0.0
+        closeness = min(1.0, 2.0 - 2.0 * S[i] / (NEAR * math.sqrt(mean)))
+        if closeness <= 0.0:
+            continue
+        bend = 0.0
+        for a in range(m):
+            for b in range(m):
+                bend += B[i, a] * A[a, b] * B[i, b]
+        bend = closeness * bend - LOST * S[i] * S[i]
+        if bend <= 0.0:
+            continue
+        share = bend / (S[i] * S[i] + bend)
+        most = max(most, share)
+        along = 0.0
+        for r in range(k):
+            along += U[i, r] * errors[int(order[r]) - offset]
+        for r in range(k):
+            lost[int(order[r])] += share * along * U[i, r]
+    if dropped and outside > 0.0:
+        most = 1.0
+    found = outside
+    for r in range(first, end):
+        found = max(found, abs(lost[r]))
+    if found == 0.0:
+        return NOTHING
+    if most == 0.0:
+        return LEAVES
+    for r in range(first, end):
+        weights[r] = lost[r]
+    _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull)
+    _curvature(weights, end, hessians, offset, N, m, raw, A)
+    # Newton's step, with the sizes of the second derivatives: it never climbs.
+    for i in range(rank):
+        near_zero = 1.0 - (S[i] / rule[1]) ** 2
+        filtered = S[i] * S[i] + (rule[0] ** 2 * near_zero if near_zero > 0.0 else 0.0)
+        for a in range(m):
+            for b in range(m):
+                A[a, b] += filtered * B[i, a] * B[i, b]
+    for a in range(m):
+        pull[a] = 0.0
+    for i in range(rank):
+        along = 0.0
+        for r in range(k):
+            along += U[i, r] * side[r]
+        for a in range(m):
+            pull[a] += S[i] * along * B[i, a]
+    orthogonalise(A, W, m, m)
+    mix = min(1.0, 2.0 * most)
+    for a in range(m):
+        answer[a] *= 1.0 - mix
+    for i in range(m):
+        slope, along = 0.0, 0.0
+        for a in range(m):
+            slope += A[i, a] * A[i, a]
+            along += W[i, a] * pull[a]
+        step = mix * along / max(math.sqrt(slope), FLAT * mean)
+        for a in range(m):
+            answer[a] += step * W[i, a]
+    return LOSES
+
+
+@njit(cache=True)
+def reserve(  # type: ignore[no-untyped-def]
+    J, first, end, square, hessians, offset, lost, count, taken, rows, lengths,
+    weights, pull, raw, A, W, N, m,
+):  # fmt: skip
+    """Take out of a basis (m, n) what would make a level lose more; return what is left of m.
+
+    Directions in which the curvature of the lost error is positive go to nobody; near zero they
+    are given to levels below in part, as rows that are shorter.
+    """
+    mean = max(square / max(end - first, 1), SHORT)
+    n = N.shape[1]
+    for r in range(weights.size):
+        weights[r] = lost[r]
+    _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull)
+    _curvature(weights, end, hessians, offset, N, m, raw, A)
+    shift = 0.0
+    for a in range(m):
+        for b in range(m):
+            shift += A[a, b] * A[a, b]
+    shift = math.sqrt(shift)
+    if shift <= 1e-14 * mean:
+        return m
+    for a in range(m):
+        A[a, a] += shift
+    orthogonalise(A, W, m, m)
+    left = 0
+    for i in range(m):
+        slope = 0.0
+        for a in range(m):
+            slope += A[i, a] * A[i, a]
+        free = 1.0 - max(math.sqrt(slope) - shift, 0.0) / (FREE * mean)
+        if free <= 0.0:
+            continue
+        for c in range(n):
+            entry = 0.0
+            for a in range(m):
+                entry += W[i, a] * N[a, c]
+            raw[left, c] = free * entry
+        left += 1
+    for a in range(left):
+        for c in range(n):
+            N[a, c] = raw[a, c]
+    return left
