@@ -121,8 +121,8 @@ CONTROLLER: Mapping[str, Parameter] = {
     ),
     'solver.saturation': Parameter(
         TEXT,
-        'At the velocity limits: scale the whole command, or hold joints and scale only what '
-        'is infeasible, lowest levels first',
+        'At the limits: hold joints and scale only what is infeasible, lowest levels first, or '
+        'scale the whole command, whatever the priorities',
         default=SATURATIONS[0],
         choices=SATURATIONS,
     ),

@@ -19,7 +19,7 @@ from tp_controller.solvers.working_set import WorkingSet
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-SATURATIONS = ('uniform', 'null_space')
+SATURATIONS = ('null_space', 'uniform')
 
 RANK_TOLERANCE = 1e-8
 """Singular values below this share of ‖J‖ (Frobenius) do not count towards the rank."""
@@ -45,10 +45,10 @@ class Solver(ABC):
     objective
         Function of the configuration to be made large, for the schemes that use one.
     saturation
-        What is done at the velocity limits. ``uniform``: the whole velocity is scaled, so
-        its direction is kept. ``null_space``: joints are held at their limits, others make
-        up for them, and only what is infeasible is scaled, the lowest levels first. At the
-        ends of their ranges joints are held with both.
+        What is done at the velocity limits. ``null_space``: joints are held at their limits,
+        others make up for them, and only what is infeasible is scaled, the lowest levels first.
+        ``uniform``: the whole velocity is scaled, so its direction is kept, and every level
+        pays for what any of them asks. At the ends of their ranges joints are held with both.
 
     Raises
     ------
