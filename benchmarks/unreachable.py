@@ -32,7 +32,7 @@ CONFIG = Path(__file__).resolve().parent.parent / 'config'
 SCHEMES = {
     'recursive': {'type': 'recursive', 'saturation': 'uniform'},
     'null_space': {'type': 'recursive', 'saturation': 'null_space'},
-    'hqp': {'type': 'hqp', 'saturation': None},
+    'hqp': {'type': 'hqp'},
 }
 WITHIN, WATCH = 5.0, 10.0
 """Time [s] in which the arm has to come to rest, and for how long it is watched then."""
@@ -42,7 +42,7 @@ MOVES = 1e-9
 """Share of a velocity limit below which a command has no sign."""
 
 PLANAR = {
-    'robot': {'limits': {'velocity': [3.0]}},
+    'robot': {'limits': {'velocity': [4.0]}},
     'tasks': {'ee_position': {'gain': [3.0]}, 'joint_1_position': {'gain': [3.0]}},
 }
 BAXTER = 'package://example-robot-data/robots/baxter_description/urdf/baxter.urdf'

@@ -31,7 +31,7 @@ from tp_controller.robot import (
     urdf_robot,
 )
 from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
-from tp_controller.solvers import Inverse, solver_class
+from tp_controller.solvers import SOLVER_TYPES, Inverse
 from tp_controller.stack import Stack, split_hierarchy
 from tp_controller.tasks import TASK_TYPES, Task
 
@@ -170,7 +170,7 @@ def _dh_arm(values: Flat) -> tuple[Sequence[str], DHParameters, str | None, Limi
 def build_stack(robot: Robot, values: Flat) -> Stack:
     """Build the stack of checked values on a robot."""
     tasks = [build_task(name, robot, values) for name in task_names(values)]
-    solver = solver_class(values['solver.type'], values['solver.saturation'])(
+    solver = SOLVER_TYPES[values['solver.type']](
         robot.n,
         Inverse(*(values[f'solver.{key}'] for key in INVERSE)),
         values['solver.joint_weights'],

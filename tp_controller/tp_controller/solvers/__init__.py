@@ -8,7 +8,6 @@ from tp_controller.solvers.inverses import DEFAULT, INVERSES, Inverse
 from tp_controller.solvers.problem import Bounds, Curvature, Levels, Rows
 from tp_controller.solvers.projected_gradient import ProjectedGradientSolver
 from tp_controller.solvers.recursive import RecursiveSolver
-from tp_controller.solvers.strict import StrictSolver
 from tp_controller.solvers.weighted import WeightedSolver
 
 SOLVER_TYPES: dict[str, type[Solver]] = {
@@ -23,14 +22,6 @@ SOLVER_TYPES: dict[str, type[Solver]] = {
     )
 }
 """Solver classes by the ``solver.type`` of parameter files."""
-
-
-def solver_class(kind: str, saturation: str) -> type[Solver]:
-    """Solver for the ``solver.type`` and ``solver.saturation`` of parameter files."""
-    if kind == RecursiveSolver.type and saturation == SATURATIONS[0]:
-        return StrictSolver
-    return SOLVER_TYPES[kind]
-
 
 __all__ = [
     'DEFAULT',
@@ -48,7 +39,5 @@ __all__ = [
     'RecursiveSolver',
     'Rows',
     'Solver',
-    'StrictSolver',
     'WeightedSolver',
-    'solver_class',
 ]

@@ -14,7 +14,7 @@ from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.objectives import Objective
 from tp_controller.solvers.inverses import DEFAULT, ONE_SIDED, Inverse
 from tp_controller.solvers.problem import Bounds, Curvature, Levels, Rows
-from tp_controller.solvers.working_set import WorkingSet
+from tp_controller.solvers.bounded import BoundedRecursion
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -102,13 +102,13 @@ class Solver(ABC):
     @property
     def held(self) -> NDArray[np.bool_]:
         """Which joints the last step held at the bound that their range sets (n,); a copy."""
-        assert self._set is not None
-        return self._set.held.copy()
+        return self.stops >= 0
 
     @property
     def stops(self) -> NDArray[np.int64]:
         """First level that the last step kept each joint at a bound for (n,), -1 if none."""
-        return np.where(self.held, 0, -1)
+        assert self._set is not None
+        return self._set.stops
 
     @property
     def scale(self) -> float:
@@ -199,7 +199,7 @@ class Solver(ABC):
         rules = [self._rule(group) for group in self._groups]
         self._rules = np.array(rules, dtype=float).reshape(-1, 2)
         # Made at the next step: a scheme may add levels of its own until then.
-        self._set: WorkingSet | None = None
+        self._set: BoundedRecursion | None = None
 
     def _rule(self, group: Sequence[Rows]) -> tuple[float, float]:
         task = _leading(group)
@@ -260,7 +260,7 @@ class Solver(ABC):
         curvature: Curvature | None = None,
     ) -> float:
         if self._set is None:
-            self._set = WorkingSet(
+            self._set = BoundedRecursion(
                 self._kernel,
                 self._starts,
                 self._rules,

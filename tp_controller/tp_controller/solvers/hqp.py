@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from tp_controller.solvers.base import Solver
 from tp_controller.solvers.problem import Bounds, Curvature, Levels
-from tp_controller.solvers.working_set import BROKEN
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
+BROKEN = 1e-9
+"""A bound that is missed by less than this is not broken."""
 BINDING = 1e-6
 """A one-sided row [m/s, rad/s] this near to its least rate is at it."""
 
@@ -73,8 +74,10 @@ class HQPSolver(Solver):
         self._firsts = np.concatenate([[0], n + self._starts])
         self._was_rows = np.zeros(k, dtype=np.int64)
         self._was_joints, self._joints = np.zeros((2, n), dtype=np.int64)
-        self._endless, self._kept = np.full(n, np.inf), np.ones(len(self._groups) + 1)
-        self._limit: Vector = self._endless
+        self._endless, self._unused = np.full(n, np.inf), np.ones(len(self._groups) + 1)
+        self._bottomless, self._none = np.full(n, -np.inf), np.zeros(n + k, dtype=np.bool_)
+        self._unstopped = np.full(n + k, -1, dtype=np.int64)
+        self._weight = np.ascontiguousarray(np.linalg.inv(self._basis.T @ self._basis))
         self._asked, self._again, self._moved = np.zeros((3, k))
         self._free = np.zeros(n)
         self._lower, self._upper = np.zeros(n), np.zeros(n)
@@ -92,11 +95,8 @@ class HQPSolver(Solver):
 
     @property
     def shares(self) -> Vector:
-        """What velocity limits left to each group (groups,) of what it asked for; a copy.
-
-        All under `hqp`: there joints that stop a level are told by `stops`.
-        """
-        return self._kept[1:].copy()
+        """What held joints left to each group (groups,): all, they are told by `stops`."""
+        return np.ones(len(self._groups))
 
     @property
     def held(self) -> NDArray[np.bool_]:
@@ -140,7 +140,6 @@ class HQPSolver(Solver):
             1 where no joint's bound stopped a level. Else the least share of what is asked for
             that any level of equalities gets, levels above and bounds taken together.
         """
-        self._limit = self._speed_limit(bounds)
         self._curvature = curvature or self._flat
         self._settling = self._kernel.PLAIN if curvature is None else self._kernel.SIMPLE
         self._rows[self.n :], self._wish[self.n :] = J, velocity
@@ -159,7 +158,7 @@ class HQPSolver(Solver):
             self.problem.take(J, asked)
             self.proven = True
             self.acting[self._one_sided] = False
-            return float(self._kept.min())
+            return 1.0
         # Copies: the robot's may not be written to, which makes them another type to numba.
         self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
         self.proven = self.problem.solve(J, asked, self._lower, self._upper, qd)
@@ -173,12 +172,7 @@ class HQPSolver(Solver):
         # The smallest norm, a level below all, asks for nothing.
         if ((stopped >= 0) & (stopped < len(self._groups))).any():
             self._note_shares(asked)
-        self._shares *= self._kept[1:]
         return float(self._shares.min(initial=1.0))
-
-    def _speed_limit(self, bounds: Bounds) -> Vector:
-        """Speeds (n,) that the recursion keeps by scaling levels: none, they are bounds."""
-        return self._endless
 
     def _recursion(self) -> tuple[Any, ...]:
         """What `kernel.resolve` is given, but for where its answer goes."""
@@ -190,9 +184,15 @@ class HQPSolver(Solver):
             self._all_rules,
             self._basis,
             self._tolerance,
-            self._limit,
+            self._bottomless,
+            self._endless,
+            self._bottomless,
+            self._endless,
+            self._none,
+            self._weight,
             self._work,
-            self._kept,
+            self._unused,
+            self._unstopped,
             self._settling,
             self.n,
             self._curvature.errors,

@@ -30,8 +30,14 @@ NOTHING, ONE, SEVERAL = 0, 1, 2
         ROWS,
         float64,
         FIXED,
+        FIXED,
+        FIXED,
+        FIXED,
+        boolean[::1],
+        ROWS,
         float64[:, :, ::1],
         COLUMN,
+        int64[::1],
         int64,
         int64,
         COLUMN,
@@ -55,9 +61,15 @@ def ask_again(  # type: ignore[no-untyped-def]
     rules,
     basis,
     tolerance,
-    endless,
+    low,
+    high,
+    firm_low,
+    firm_high,
+    sided,
+    weight,
     work,
     shares,
+    stops,
     settling,
     offset,
     errors,
@@ -75,8 +87,8 @@ def ask_again(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    J, wish, acts, starts, rules, basis, tolerance, endless, work, shares, settling, offset, \
-    errors, hessians, bends
+    J, wish, acts, starts, rules, basis, tolerance, low, high, firm_low, firm_high, sided, \
+    weight, work, shares, stops, settling, offset, errors, hessians, bends
         As `kernel.resolve`, with the n joints as rows of a level above all others.
     equal
         Which of the other rows always act (K,).
@@ -96,15 +108,15 @@ def ask_again(  # type: ignore[no-untyped-def]
         `NOTHING`, `ONE` or `SEVERAL`; `FAILS` or `BENDS`.
     """
     n, k = qd.size, asked.size
-    stops = False
+    stopped = False
     for i in range(n):
         # Other limits come in anew with the second pass.
         if range_lower[i] < qd[i] < range_upper[i]:
             stopped_joints[i] = -1
-        stops = stops or stopped_joints[i] >= 0
+        stopped = stopped or stopped_joints[i] >= 0
         wish[i] = qd[i]
     for i in range(k):
-        stops = stops or stopped_rows[i] >= 0
+        stopped = stopped or stopped_rows[i] >= 0
     found = NOTHING
     last = -1
     for level in range(starts.size - 2):
@@ -112,7 +124,7 @@ def ask_again(  # type: ignore[no-untyped-def]
         always = False
         for row in range(first, end):
             always = always or equal[row]
-        if not (stops and always):
+        if not (stopped and always):
             continue
         # Something new comes in only where a level was stopped.
         new = found == NOTHING
@@ -126,8 +138,9 @@ def ask_again(  # type: ignore[no-untyped-def]
             for i in range(k):
                 acts[n + i] = equal[i] or 0 <= stopped_rows[i] <= level
             done = resolve(
-                J, wish, acts, starts, rules, basis, tolerance, endless, work, shares,
-                settling, offset, errors, hessians, bends, qd,
+                J, wish, acts, starts, rules, basis, tolerance, low, high, firm_low,
+                firm_high, sided, weight, work, shares, stops, settling, offset, errors, hessians,
+                bends, qd,
             )  # fmt: skip
             if done != DONE:
                 return BENDS if done == UNKNOWN else FAILS

@@ -25,8 +25,13 @@ from tp_controller.solvers.settling import (
 
 STILL = 1e-13
 """A row of a Jacobian that is shorter [m/rad, -] is rounding: no joint moves it."""
+ALONG = 1e-9
+"""A motion that moves a bound by less than this share of its size is along the bound."""
 SHORT = 1e-8
 """A joint that the freedom moves by less than this share cannot be held by it."""
+
+BROKEN = 1e-9
+"""A bound that is missed by less than this, per length of its row, is not broken."""
 
 PLAIN, SIMPLE, BENT = 0, 1, 2
 """Whether levels are settled: not at all, without second derivatives as long as it is certain
@@ -189,24 +194,371 @@ def _invert(J, order, k, N, m, rule, smallest, sides, answers, count, B, W, U, S
 
 
 @njit(cache=True)
-def _interval(start, way, limit, held):  # type: ignore[no-untyped-def]
-    """Shares s for which ``start + s way`` (n,) is inside the limits; held joints do not count.
+def _fade(N, m, weight, B, S, rank, rule, x, spare, answer):  # type: ignore[no-untyped-def]
+    """Damp what the velocity x (n,) already has of the directions of a level.
+
+    The answer (m,) to what is left of the level's wish then leads to the same velocity as the
+    answer from standstill.
+    """
+    n = x.size
+    if rule[0] == 0.0:
+        return
+    for j in range(m):
+        spare[j] = 0.0
+        for c in range(n):
+            part = 0.0
+            for d in range(n):
+                part += weight[c, d] * x[d]
+            spare[j] += N[j, c] * part
+    for i in range(rank):
+        near = 1.0 - (S[i] / rule[1]) ** 2
+        if near <= 0.0:
+            continue
+        damping = rule[0] ** 2 * near
+        along = 0.0
+        for j in range(m):
+            along += B[i, j] * spare[j]
+        for j in range(m):
+            answer[j] -= damping / (S[i] * S[i] + damping) * along * B[i, j]
+
+
+@njit(cache=True)
+def _stopper(J, start, way, low, high, sided, end, floor, held):  # type: ignore[no-untyped-def]
+    """Shares s for which ``start + s way`` (n,) keeps all bounds that are not held.
+
+    Bounds are those of the joints and the least rates ``floor`` of one-sided rows before ``end``;
+    joints are rows of J, too.
 
     Returns
     -------
     float, float, int
-        The least and the largest share, and the joint that sets the largest, -1 if none does.
+        The least and the largest share, and the row of J that sets the largest, -1 if none does.
     """
-    low, high, critical = -math.inf, math.inf, -1
-    for c in range(start.size):
-        if held[c] != 0.0 or way[c] == 0.0:
+    least, most, critical = -math.inf, math.inf, -1
+    n = start.size
+    size = 0.0
+    for c in range(n):
+        size += way[c] * way[c]
+    # What moves a bound by less is rounding: nothing free moves it.
+    size = ALONG * math.sqrt(size)
+    for c in range(n):
+        if held[c] != 0.0 or abs(way[c]) <= size:
             continue
-        ahead = (math.copysign(limit[c], way[c]) - start[c]) / way[c]
-        behind = (math.copysign(limit[c], -way[c]) - start[c]) / way[c]
-        low = max(low, behind)
-        if ahead < high:
-            high, critical = ahead, c
-    return low, high, critical
+        ahead = ((high[c] if way[c] > 0.0 else low[c]) - start[c]) / way[c]
+        behind = ((low[c] if way[c] > 0.0 else high[c]) - start[c]) / way[c]
+        least = max(least, behind)
+        if ahead < most:
+            most, critical = ahead, c
+    for r in range(n, end):
+        if not sided[r] or held[r] != 0.0:
+            continue
+        rate = room = length = 0.0
+        for c in range(n):
+            rate += J[r, c] * way[c]
+            room += J[r, c] * start[c]
+            length += J[r, c] * J[r, c]
+        if abs(rate) <= size * math.sqrt(length):
+            continue
+        ahead = (floor[r] - room) / rate
+        if rate > 0.0:
+            least = max(least, ahead)
+        elif ahead < most:
+            most, critical = ahead, r
+    return least, most, critical
+
+
+@njit(cache=True)
+def _serve(  # type: ignore[no-untyped-def]
+    J, velocity, order, k, first, end, square, acts, rule, smallest, weight, level, full, Z, freedom,
+    low, high, firm_low, firm_high, sided, bounded, floor, stops, settling, offset, errors, hessians,
+    bends, followed, count, found, work, share_of, qd,
+):  # fmt: skip
+    """Bring a level as far as the bounds allow; ``work[6, 0]`` is its answer without them.
+
+    Where the way to the answer meets a velocity or acceleration limit, that joint is held and
+    the others make up for it; this goes on until the level has what it asks for, or the joints
+    that are left cannot move all of it. Then it gets the largest share that was found (Flacco,
+    De Luca and Khatib 2015). Where it meets the end of a range or a one-sided row, which will
+    not go away, the level slides along it: what it asks for is answered anew by what is left.
+
+    Returns
+    -------
+    int, int
+        `DONE`, `FAILED` or `UNKNOWN`; and what `settle` found last.
+    """
+    n = qd.size
+    spare, B, W = work[1], work[2], work[3]
+    sides, answers = work[4, 0:2], work[6, 0:2]
+    base, start, way = work[7, 0, :n], work[7, 1, :n], work[7, 2, :n]
+    best, origin, held = work[8, 0, :n], work[8, 1, :n], work[8, 2]
+    U, S = work[9], work[10, 0]
+    taken, rows, lengths = work[11], work[12], work[10, 1]
+    weights, lost = work[10, 2, : velocity.size], work[10, 3, : velocity.size]
+    pull, coordinates = work[10, 4, :n], work[10, 6]
+    held[: velocity.size] = 0.0
+    for c in range(n):
+        base[c] = start[c] = origin[c] = best[c] = qd[c]
+        way[c] = 0.0
+        for j in range(freedom):
+            way[c] += answers[0, j] * Z[j, c]
+        # Comparisons with limits would say nothing about what is not finite.
+        if not math.isfinite(way[c]):
+            return FAILED, found
+    share, some = -1.0, False
+    for _ in range(4 * n + velocity.size):
+        if not bounded:
+            share, some = 1.0, True
+            for c in range(n):
+                best[c] = start[c] + way[c]
+            break
+        least, most, critical = _stopper(J, start, way, low, high, sided, end, floor, held)
+        reached = min(1.0, most)
+        if max(least, 0.0) <= reached and reached > share:
+            share, some = reached, True
+            for c in range(n):
+                best[c] = start[c] + share * way[c]
+        if critical < 0 or share >= 1.0 or freedom == 0:
+            break
+        length = 0.0
+        for j in range(freedom):
+            part = 0.0
+            for c in range(n):
+                part += Z[j, c] * J[critical, c]
+            coordinates[j] = part
+            length += part * part
+        size = 0.0
+        for c in range(n):
+            size += J[critical, c] * J[critical, c]
+        if length < SHORT * SHORT * size:
+            break
+        firm = critical >= n
+        if not firm:
+            firm = high[critical] >= firm_high[critical] if way[critical] > 0.0 else (
+                low[critical] <= firm_low[critical]
+            )
+        if not firm and (freedom == 1 or found == LOSES):
+            # A level that loses is scaled: holding joints would change what it loses.
+            break
+        if firm:
+            for c in range(n):
+                origin[c] = start[c] + max(min(most, 1.0), 0.0) * way[c]
+                base[c] = start[c] = origin[c]
+            stops[critical] = level
+        else:
+            bound = high[critical] if way[critical] > 0.0 else low[critical]
+            gap = bound - base[critical]
+            for c in range(n):
+                change = 0.0
+                for j in range(freedom):
+                    change += coordinates[j] * Z[j, c]
+                start[c] = base[c] + gap / length * change
+            for c in range(n):
+                base[c] = start[c]
+        held[critical] = 1.0
+        d = count
+        while d < lengths.size - 1 and lengths[d] != 0.0:
+            d += 1
+        root = math.sqrt(length)
+        for c in range(n):
+            taken[d, c] = 0.0
+            for j in range(freedom):
+                taken[d, c] += coordinates[j] / root * Z[j, c]
+        rows[d, :] = 0.0
+        rows[d, critical] = 1.0
+        lengths[d], lengths[d + 1] = root, 0.0
+        for j in range(freedom):
+            B[0, j] = coordinates[j] / root
+        _reduce(Z, spare, B, answers[1], 1, freedom, n)
+        freedom -= 1
+        for i in range(k):
+            r = int(order[i])
+            sides[0, i] = velocity[r]
+            sides[1, i] = 0.0
+            for c in range(n):
+                sides[0, i] -= J[r, c] * (base[c] if firm else origin[c])
+                sides[1, i] += J[r, c] * (base[c] - origin[c])
+        if firm and freedom == 0:
+            share = 1.0
+            break
+        rank = _invert(
+            J, order, k, Z[:, :n], freedom, rule, smallest, sides, answers, 2, B, W, U, S
+        )
+        if not firm and rank < full:
+            break
+        if firm:
+            full = rank
+            share = -1.0
+            if settling != PLAIN:
+                found = settle(
+                    J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
+                    Z[:, :n], freedom, rank, B, U, S, sides[0], rule, square, followed,
+                    d + 1, taken, rows, lengths, weights, pull, work[13], work[14], work[15],
+                    lost, answers[0],
+                )  # fmt: skip
+                if found == UNKNOWN:
+                    return UNKNOWN, found
+            if found != LOSES:
+                _fade(Z, freedom, weight, B, S, rank, rule, base, coordinates, answers[0])
+        for c in range(n):
+            way[c] = 0.0
+            for j in range(freedom):
+                way[c] += answers[0, j] * Z[j, c]
+                if not firm:
+                    start[c] -= answers[1, j] * Z[j, c]
+    share_of[0] = max(share, 0.0)
+    if some:
+        for c in range(n):
+            # Rounding may leave a component one unit in the last place outside.
+            qd[c] = min(max(best[c], low[c]), high[c]) if bounded else best[c]
+    return DONE, found
+
+
+@njit(cache=True)
+def _recur(  # type: ignore[no-untyped-def]
+    J, velocity, acts, starts, rules, basis, tolerance, bounded, low, high, firm_low, firm_high, sided,
+    weight, work, shares, stops, settling, offset, errors, hessians, bends, qd,
+):  # fmt: skip
+    """Resolve levels one after the other, inside the bounds or without any; see `resolve`."""
+    n = qd.size
+    shares[:] = 1.0
+    stops[:] = -1
+    N, spare, B, W, Z = work[0], work[1], work[2], work[3], work[5]
+    sides, answers, order = work[4, 0:2], work[6, 0:2], work[4, 2]
+    U, S = work[9], work[10, 0]
+    taken, rows, lengths = work[11], work[12], work[10, 1]
+    raw, A, turn = work[13], work[14], work[15]
+    weights, lost = work[10, 2, : velocity.size], work[10, 3, : velocity.size]
+    pull, floor, spare_row = work[10, 4, :n], work[10, 5], work[10, 6]
+    share_of = work[10, 7, 0:1]
+    own_taken, own_rows, own_lengths = work[16], work[17], work[10, 8]
+    for c in range(n):
+        qd[c] = min(max(0.0, low[c]), high[c]) if bounded else 0.0
+        for j in range(n):
+            N[j, c] = basis[j, c]
+    m = n
+    count, levels = 0, starts.size - 1
+    for level in range(levels):
+        first, end = starts[level], starts[level + 1]
+        rule = rules[level]
+        if bounded:
+            k, square = _broken(J, velocity, sided, first, end, qd, order, sides[0], stops, level)
+            if k > 0 and m > 0:
+                smallest = tolerance * math.sqrt(square)
+                full = _invert(
+                    J, order, k, N[:, :n], m, rule, smallest, sides, answers, 1, B, W, U, S
+                )
+                lengths[count] = 0.0
+                for j in range(m):
+                    for c in range(n):
+                        Z[j, c] = N[j, c]
+                result, _ = _serve(
+                    J, velocity, order, k, first, end, square, acts, rule, smallest, weight, level,
+                    full, Z, m, low, high, firm_low, firm_high, sided, bounded, floor, stops, PLAIN,
+                    offset, errors, hessians, bends, False, count, NOTHING, work, share_of, qd,
+                )  # fmt: skip
+                if result != DONE:
+                    return result
+            for r in range(first, end):
+                if sided[r]:
+                    rate = 0.0
+                    for c in range(n):
+                        rate += J[r, c] * qd[c]
+                    floor[r] = min(velocity[r], rate)
+        k, square = _gather(J, velocity, acts, first, end - first, qd, order, sides[0])
+        if not square < math.inf:
+            return FAILED
+        if m == 0:
+            continue
+        smallest = tolerance * math.sqrt(square)
+        full = _invert(J, order, k, N[:, :n], m, rule, smallest, sides, answers, 1, B, W, U, S)
+        found = NOTHING
+        if settling != PLAIN:
+            found = settle(
+                J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
+                N[:, :n], m, full, B, U, S, sides[0], rule, square, level + 1 < levels,
+                count, taken, rows, lengths, weights, pull, raw, A, turn, lost, answers[0],
+            )  # fmt: skip
+            if found == UNKNOWN:
+                return UNKNOWN
+            keep(N[:, :n], m, B, U, S, order, k, full, 0, own_taken, own_rows, own_lengths)
+        if full == 0 and found == NOTHING:
+            continue
+        if bounded and found != LOSES:
+            _fade(N, m, weight, B, S, full, rule, qd, spare_row, answers[0])
+        for j in range(m):
+            for c in range(n):
+                Z[j, c] = N[j, c]
+        freedom = m
+        if full < m:
+            _reduce(N, spare, B, answers[1], full, m, n)
+        m -= full
+        # Directions that are held in this level stand after those of levels above, for a while.
+        lengths[count] = 0.0
+        result, found = _serve(
+            J, velocity, order, k, first, end, square, acts, rule, smallest, weight, level, full,
+            Z, freedom, low, high, firm_low, firm_high, sided, bounded, floor, stops, settling,
+            offset, errors, hessians, bends, level + 1 < levels, count, found,
+            work, share_of, qd,
+        )  # fmt: skip
+        if result != DONE:
+            return result
+        shares[level] = share_of[0]
+        if found != NOTHING and m > 0:
+            held = count
+            while lengths[held] != 0.0:
+                held += 1
+            m = reserve(
+                J, first, end, k, square, hessians, offset, lost, held, taken, rows, lengths,
+                weights, pull, raw, A, turn, N[:, :n], m,
+            )  # fmt: skip
+        if settling != PLAIN:
+            for i in range(full):
+                taken[count], rows[count], lengths[count] = own_taken[i], own_rows[i], own_lengths[i]
+                count += 1
+        if m == 0 and not bounded:
+            break
+    for c in range(n):
+        if not math.isfinite(qd[c]):
+            return FAILED
+    return DONE
+
+
+@njit(cache=True)
+def _broken(J, velocity, sided, first, end, qd, order, residual, stops, level):  # type: ignore[no-untyped-def]
+    """List a level's one-sided rows that are broken; their number and squared norm."""
+    k, square = 0, 0.0
+    for r in range(first, end):
+        if not sided[r]:
+            continue
+        gap, length = velocity[r], 0.0
+        for c in range(qd.size):
+            length += J[r, c] * J[r, c]
+            gap -= J[r, c] * qd[c]
+        if length > STILL * STILL and gap > BROKEN * math.sqrt(length):
+            order[k] = r
+            residual[k] = gap
+            square += length
+            stops[r] = level
+            k += 1
+    return k, square
+
+
+@njit(cache=True)
+def _keeps(J, velocity, low, high, sided, qd):  # type: ignore[no-untyped-def]
+    """Whether a velocity (n,) keeps all bounds and least rates."""
+    n = qd.size
+    for c in range(n):
+        if not low[c] <= qd[c] <= high[c]:
+            return False
+    for r in range(n, velocity.size):
+        if sided[r]:
+            rate, length = 0.0, 0.0
+            for c in range(n):
+                rate += J[r, c] * qd[c]
+                length += J[r, c] * J[r, c]
+            if length > 0.0 and velocity[r] - rate > BROKEN * math.sqrt(length):
+                return False
+    return True
 
 
 @njit(
@@ -219,8 +571,14 @@ def _interval(start, way, limit, held):  # type: ignore[no-untyped-def]
         ROWS,
         float64,
         FIXED,
+        FIXED,
+        FIXED,
+        FIXED,
+        boolean[::1],
+        ROWS,
         float64[:, :, ::1],
         COLUMN,
+        int64[::1],
         int64,
         int64,
         COLUMN,
@@ -231,25 +589,25 @@ def _interval(start, way, limit, held):  # type: ignore[no-untyped-def]
     cache=True,
 )
 def resolve(  # type: ignore[no-untyped-def]
-    J, velocity, acts, starts, rules, basis, tolerance, limit, work, shares,
-    settling, offset, errors, hessians, bends, qd,
+    J, velocity, acts, starts, rules, basis, tolerance, low, high, firm_low, firm_high, sided, weight,
+    work, shares, stops, settling, offset, errors, hessians, bends, qd,
 ):  # fmt: skip
-    """Resolve levels one after the other so that no joint ever exceeds its limit.
+    """Resolve levels one after the other inside the bounds.
 
-    Each level starts from the velocity of those above it, which is inside the limits, and
-    may use what they leave. Where its step leads out, the joint that meets its limit first
-    is held there and the others make up for it; this goes on until the level has what it
-    asks for, or the joints that are left cannot move all of it. Then it gets the largest
-    share that was found (Flacco, De Luca and Khatib 2015). Levels above are never touched.
+    First without bounds: where that answer keeps them all it is the one. Else each level starts
+    from the velocity of those above it, the first from that nearest to standstill, and may use
+    what they leave; see `_serve`. Levels above are never touched. Least rates of one-sided rows
+    are bounds for their own level and those below.
 
     Parameters
     ----------
     J
-        Rows of all levels (K, n), highest first.
+        Rows (K, n): those of the n joints, which are the unit matrix, then those of all levels,
+        highest first.
     velocity
-        Desired task velocity (K,).
+        Desired task velocity (K,), of one-sided rows the least one.
     acts
-        Which of the rows count (K,).
+        Which of the rows are to have their velocity (K,); no one-sided ones.
     starts
         First row of every level, then K (levels + 1,).
     rules
@@ -258,12 +616,20 @@ def resolve(  # type: ignore[no-untyped-def]
         Rows (n, n) that span the joint velocities, orthonormal in the metric to minimise.
     tolerance
         Singular values below this times ‖J‖ (Frobenius) count for nothing.
-    limit
-        Largest speed of every joint (n,); infinite if there is none.
+    low, high
+        Bounds (n,) of the joints' velocities; infinite if there is none.
+    firm_low, firm_high
+        Bounds (n,) by the ends of the joints' ranges: along these a level slides.
+    sided
+        Which rows are one-sided (K,).
+    weight
+        The metric (n, n), in which the basis is orthonormal.
     work
         Space to work in, see `workspace`.
     shares
         Share (levels,) of what is left to each level that it gets, from 0 to 1; a result.
+    stops
+        First level that each joint's range or one-sided row (K,) stopped, -1 if none; a result.
     settling
         `PLAIN`: the published laws alone. Else levels that cannot get what they ask for are
         settled, see `settling`: `BENT` with second derivatives that are known, `SIMPLE` without.
@@ -279,117 +645,16 @@ def resolve(  # type: ignore[no-untyped-def]
         `DONE`, `FAILED` if a Jacobian or the result is not finite, or `UNKNOWN` if second
         derivatives are needed.
     """
-    n = qd.size
-    qd[:] = 0.0
-    shares[:] = 1.0
-    N, spare, B, W, Z = work[0], work[1], work[2], work[3], work[5]
-    sides, answers, order = work[4, 0:2], work[6, 0:2], work[4, 2]
-    base, start, way = work[7, 0, :n], work[7, 1, :n], work[7, 2, :n]
-    best, held = work[8, 0, :n], work[8, 1, :n]
-    U, S = work[9], work[10, 0]
-    taken, rows, lengths = work[11], work[12], work[10, 1]
-    raw, A, turn = work[13], work[14], work[15]
-    weights, lost, pull = work[10, 2, : velocity.size], work[10, 3, : velocity.size], work[10, 4]
-    N[:n, :n] = basis
-    m = n
-    count, levels = 0, starts.size - 1
-    for level in range(levels):
-        first, end = starts[level], starts[level + 1]
-        k, square = _gather(J, velocity, acts, first, end - first, qd, order, sides[0])
-        if not square < math.inf:
-            return FAILED
-        smallest = tolerance * math.sqrt(square)
-        full = _invert(
-            J, order, k, N[:, :n], m, rules[level], smallest, sides, answers, 1, B, W, U, S
-        )
-        found = NOTHING
-        if settling != PLAIN:
-            found = settle(
-                J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
-                N[:, :n], m, full, B, U, S, sides[0], rules[level], square, level + 1 < levels,
-                count, taken, rows, lengths, weights, pull[:n], raw, A, turn, lost, answers[0],
-            )  # fmt: skip
-            if found == UNKNOWN:
-                return UNKNOWN
-            above = count
-            count = keep(N[:, :n], m, B, U, S, order, k, full, count, taken, rows, lengths)
-        if full == 0 and found == NOTHING:
-            continue
-        for c in range(n):
-            base[c] = start[c] = qd[c]
-            held[c] = way[c] = 0.0
-            for j in range(m):
-                Z[j, c] = N[j, c]
-                way[c] += answers[0, j] * N[j, c]
-            # Comparisons with limits would say nothing about what is not finite.
-            if not math.isfinite(way[c]):
-                return FAILED
-        freedom = m
-        if full < m:
-            _reduce(N, spare, B, answers[1], full, m, n)
-        m -= full
-        if found != NOTHING and m > 0:
-            m = reserve(
-                J, first, end, square, hessians, offset, lost, above, taken, rows, lengths,
-                weights, pull[:n], raw, A, turn, N[:, :n], m,
-            )  # fmt: skip
-        share = -1.0
-        while True:
-            low, high, critical = _interval(start, way, limit, held)
-            reached = min(1.0, high)
-            if max(low, 0.0) <= reached and reached > share:
-                share = reached
-                for c in range(n):
-                    best[c] = start[c] + share * way[c]
-            # A level that loses is scaled: holding joints would change what it loses.
-            if critical < 0 or share >= 1.0 or found == LOSES:
-                break
-            length = 0.0
-            for j in range(freedom):
-                length += Z[j, critical] * Z[j, critical]
-            if freedom == 1 or length < SHORT * SHORT:
-                break
-            # Hold the joint at its limit, by the shortest change of what is free.
-            gap = math.copysign(limit[critical], way[critical]) - base[critical]
-            for c in range(n):
-                change = 0.0
-                for j in range(freedom):
-                    change += Z[j, critical] * Z[j, c]
-                start[c] = base[c] + gap / length * change
-            for c in range(n):
-                base[c] = start[c]
-            held[critical] = 1.0
-            for j in range(freedom):
-                B[0, j] = Z[j, critical] / math.sqrt(length)
-            _reduce(Z, spare, B, answers[1], 1, freedom, n)
-            freedom -= 1
-            # The level's own velocity has changed with that, and has to be taken back.
-            for i in range(k):
-                moved = 0.0
-                for c in range(n):
-                    moved += J[int(order[i]), c] * (base[c] - qd[c])
-                sides[1, i] = moved
-            rank = _invert(
-                J, order, k, Z[:, :n], freedom, rules[level], smallest, sides, answers, 2, B, W, U, S
-            )
-            if rank < full:
-                break
-            for c in range(n):
-                way[c] = 0.0
-                for j in range(freedom):
-                    way[c] += answers[0, j] * Z[j, c]
-                    start[c] -= answers[1, j] * Z[j, c]
-        shares[level] = max(share, 0.0)
-        if share >= 0.0:
-            for c in range(n):
-                # Rounding may leave a component one unit in the last place outside.
-                qd[c] = min(max(best[c], -limit[c]), limit[c])
-        if m == 0:
-            break
-    finite = True
-    for c in range(n):
-        finite = finite and math.isfinite(qd[c])
-    return DONE if finite else FAILED
+    result = _recur(
+        J, velocity, acts, starts, rules, basis, tolerance, False, low, high, firm_low, firm_high,
+        sided, weight, work, shares, stops, settling, offset, errors, hessians, bends, qd,
+    )  # fmt: skip
+    if result != DONE or _keeps(J, velocity, low, high, sided, qd):
+        return result
+    return _recur(
+        J, velocity, acts, starts, rules, basis, tolerance, True, low, high, firm_low, firm_high,
+        sided, weight, work, shares, stops, settling, offset, errors, hessians, bends, qd,
+    )  # fmt: skip
 
 
 @njit(float64(COLUMN, FIXED), cache=True)
@@ -424,5 +689,5 @@ def outside(qd, lower, upper):  # type: ignore[no-untyped-def]
 
 def workspace(rows: int, n: int) -> np.ndarray:
     """Space for up to ``rows`` rows in all and n joints."""
-    size = max(rows, n, 5)
-    return np.zeros((16, size, size))
+    size = max(rows, n, 9) + n + 1
+    return np.zeros((18, size, size))

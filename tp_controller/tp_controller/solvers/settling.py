@@ -28,6 +28,8 @@ NEAR = 0.3
 """Only directions with s below this share of the rows' mean length can be lost."""
 FLAT = 1e-3
 """Least second derivative, as a share of the rows' mean square, that a Newton step divides by."""
+IDLE = 1e-5
+"""A step that lessens the lost square by a smaller share than this is not worth a motion."""
 FREE = 1e-5
 """From this curvature on, as a share of the rows' mean square, lower levels get no freedom."""
 SHORT = 1e-6
@@ -136,7 +138,7 @@ def _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull):
         along *= lengths[d] / (lengths[d] * lengths[d] + REGULAR)
         if along == 0.0:
             continue
-        for r in range(first):
+        for r in range(end):
             share = along * rows[d, r]
             if share != 0.0:
                 weights[r] -= share
@@ -207,7 +209,7 @@ def settle(  # type: ignore[no-untyped-def]
     if first < offset or end - offset > errors.size:
         return NOTHING
     n = N.shape[1]
-    mean = max(square / max(end - first, 1), SHORT)
+    mean = max(square / max(k, 1), SHORT)
     size = 0.0
     weights[:] = 0.0
     lost[:] = 0.0
@@ -289,6 +291,9 @@ def settle(  # type: ignore[no-untyped-def]
         for a in range(m):
             for b in range(m):
                 A[a, b] += filtered * B[i, a] * B[i, b]
+    asked = 0.0
+    for r in range(k):
+        asked += side[r] * side[r]
     for a in range(m):
         pull[a] = 0.0
     for i in range(rank):
@@ -306,7 +311,9 @@ def settle(  # type: ignore[no-untyped-def]
         for a in range(m):
             slope += A[i, a] * A[i, a]
             along += W[i, a] * pull[a]
-        step = mix * along / max(math.sqrt(slope), FLAT * mean)
+        slope = max(math.sqrt(slope), FLAT * mean)
+        gain = along * along / slope
+        step = mix * along / slope * max(0.0, 1.0 - IDLE * asked / gain) if gain > 0.0 else 0.0
         for a in range(m):
             answer[a] += step * W[i, a]
     return LOSES
@@ -314,7 +321,7 @@ def settle(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def reserve(  # type: ignore[no-untyped-def]
-    J, first, end, square, hessians, offset, lost, count, taken, rows, lengths,
+    J, first, end, k, square, hessians, offset, lost, count, taken, rows, lengths,
     weights, pull, raw, A, W, N, m,
 ):  # fmt: skip
     """Take out of a basis (m, n) what would make a level lose more; return what is left of m.
@@ -322,7 +329,7 @@ def reserve(  # type: ignore[no-untyped-def]
     Directions in which the curvature of the lost error is positive go to nobody; near zero they
     are given to levels below in part, as rows that are shorter.
     """
-    mean = max(square / max(end - first, 1), SHORT)
+    mean = max(square / max(k, 1), SHORT)
     n = N.shape[1]
     for r in range(weights.size):
         weights[r] = lost[r]

@@ -1,0 +1,140 @@
+"""The compiled recursion with the bounds of a robot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.solvers.problem import Bounds, Curvature
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+class BoundedRecursion:
+    """Resolves levels inside bounds by the compiled recursion, see `kernel.resolve`.
+
+    Parameters
+    ----------
+    kernel
+        The module `tp_controller.solvers.kernel`, which is loaded late.
+    starts
+        First row of every level, then K (levels + 1,).
+    rules
+        λ and ε of every level (levels, 2).
+    one_sided
+        Indices of the rows whose velocities are the least ones allowed.
+    basis, tolerance
+        As `kernel.resolve`.
+    holds_joints
+        Whether all limits are bounds of the resolution; else only the joints' ranges, and the
+        whole answer is scaled to the velocity limits.
+
+    Attributes
+    ----------
+    stops
+        First level that each joint's range (n,) stopped, -1 if none.
+    acts
+        Which rows decided on the last answer (K,); all that are not one-sided.
+    shares
+        What bounds left to each level (levels,).
+    scale
+        What uniform scaling left of the last answer.
+    """
+
+    def __init__(
+        self,
+        kernel: Any,
+        starts: NDArray[np.int64],
+        rules: Matrix,
+        one_sided: NDArray[np.int64],
+        basis: Matrix,
+        tolerance: float,
+        holds_joints: bool,
+    ) -> None:
+        n, rows = len(basis), int(starts[-1])
+        self._kernel, self._basis, self._tolerance = kernel, basis, tolerance
+        self._weight = np.ascontiguousarray(np.linalg.inv(basis.T @ basis))
+        self._holds_joints = holds_joints
+        self._n = n
+        # Rows of the joints come first, as a level above all others that asks for nothing.
+        self._J = np.vstack([np.eye(n), np.zeros((rows, n))])
+        self._velocity = np.zeros(n + rows)
+        self._starts = np.concatenate([[0], n + starts])
+        self._rules = np.vstack([[0.0, np.inf], rules])
+        self._sided = np.zeros(n + rows, dtype=np.bool_)
+        self._sided[n + one_sided] = True
+        self._always = ~self._sided
+        self._always[:n] = False
+        self._shares = np.ones(len(starts))
+        self._stops = np.full(n + rows, -1, dtype=np.int64)
+        self._work = kernel.workspace(n + rows, n)
+        self.shares = self._shares[1:]
+        self.scale = 1.0
+        self._flat = Curvature.none(n)
+
+    @property
+    def stops(self) -> NDArray[np.int64]:
+        """First level that each joint's range stopped (n,), -1 if none; a copy."""
+        return np.maximum(self._stops[: self._n] - 1, -1)
+
+    @property
+    def acts(self) -> NDArray[np.bool_]:
+        """Which rows decided on the last answer (K,); a copy."""
+        acts: NDArray[np.bool_] = self._always | (self._stops >= 0)
+        return acts[self._n :]
+
+    def resolve(
+        self,
+        J: Matrix,
+        velocity: Vector,
+        bounds: Bounds,
+        qd: Vector,
+        curvature: Curvature | None = None,
+    ) -> float:
+        """Write the answer (n,) to ``qd``; parameters and result as `Solver.solve`."""
+        n, kernel = self._n, self._kernel
+        self._J[n:], self._velocity[n:] = J, velocity
+        settling = kernel.PLAIN if curvature is None else kernel.SIMPLE
+        known = curvature or self._flat
+        result = self._recur(bounds, settling, known, qd)
+        if result == kernel.UNKNOWN:
+            known.fill()
+            result = self._recur(bounds, kernel.BENT, known, qd)
+        if result == kernel.FAILED:
+            raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
+        if self._holds_joints:
+            return float(self.shares.min(initial=1.0))
+        self.scale = kernel.shorten(qd, bounds.speed)
+        return self.scale
+
+    def _recur(self, bounds: Bounds, settling: int, known: Curvature, qd: Vector) -> int:
+        low, high = bounds.range_lower, bounds.range_upper
+        if self._holds_joints:
+            low, high = bounds.soon_lower, bounds.soon_upper
+        return self._kernel.resolve(
+            self._J,
+            self._velocity,
+            self._always,
+            self._starts,
+            self._rules,
+            self._basis,
+            self._tolerance,
+            low,
+            high,
+            bounds.range_lower,
+            bounds.range_upper,
+            self._sided,
+            self._weight,
+            self._work,
+            self._shares,
+            self._stops,
+            settling,
+            self._n,
+            known.errors,
+            known.hessians,
+            known.bends,
+            qd,
+        )
