@@ -1,4 +1,4 @@
-"""Goals that cannot be had: does the arm come to rest, and does it stay there?
+"""Whether arms come to rest, and stay there, under goals that cannot be had.
 
 Random goals out of reach, lower levels that pull elsewhere, ranges and speeds of the joints kept,
 joints that carry out every command exactly. Rest: from 5 s on no joint is faster than 1e-3 of its
@@ -58,11 +58,11 @@ DUAL = {
     'tasks': {
         'object': {
             'type': 'pose',
-            'frame': 'left_gripper_base',
-            'relative_to': 'right_gripper_base',
+            'frame': 'left_gripper_base_link',
+            'relative_to': 'right_gripper_base_link',
             'gain': [3.0],
         },
-        'hand': {'type': 'position', 'frame': 'right_gripper_base', 'gain': [3.0]},
+        'hand': {'type': 'position', 'frame': 'right_gripper_base_link', 'gain': [3.0]},
         'posture': {'type': 'posture', 'target': [*ELBOWS, *ELBOWS], 'gain': [2.0]},
     },
 }

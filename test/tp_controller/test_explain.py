@@ -225,7 +225,7 @@ def stepped(draw, saturation):
     block = draw(parameters(robots=robots, dampings=st.just(0.0) | numbers(0.05, 1)))
     n = len(block['robot']['joints'])
     block['robot'] = block['robot'] | {'limits': {'velocity': draw(positive_vectors(n, 0.05, 2))}}
-    block['solver'] = block['solver'] | {'saturation': saturation}
+    block['solver'] = block['solver'] | {'saturation': saturation, 'settle': False}
     stack = build_settings(block).stack
     stack.step(draw(states(n)))
     _, shares = recursion([(system.J, np.zeros(len(system.J))) for system in stack.systems()], 0.0)

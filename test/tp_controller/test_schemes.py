@@ -256,6 +256,7 @@ def test_projected_gradient_adds_the_gradient_in_what_the_tasks_leave(case):
     block, q = case
     stack = build_settings(block).stack
     plain = build_settings(block | {'solver': {'damping': 0.0}}).stack
+    stack.settle = plain.settle = False
     command, expected = stack.step(q).command, plain.step(q).command.copy()
     J = np.vstack([plain.tasks[name].J for name in plain.hierarchy[0].split(' + ')])
     # Rows of nothing but rounding are rows of zeros.

@@ -20,7 +20,10 @@ def limited_stacks(draw):
 
 def step(block, q, velocity=None):
     limits = {} if velocity is None else {'limits': {'velocity': velocity}}
-    return build_settings(block | {'robot': block['robot'] | limits}).stack.step(q)
+    solver = block.get('solver', {}) | {'saturation': 'uniform'}
+    return build_settings(block | {'robot': block['robot'] | limits, 'solver': solver}).stack.step(
+        q
+    )
 
 
 @given(limited_stacks())

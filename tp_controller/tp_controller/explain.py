@@ -78,7 +78,7 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
     if not isinstance(solver, RecursiveSolver | HQPSolver):
         return ()
     # Loaded by the solver already; at the top it would be loaded to refuse a parameter file.
-    from tp_controller.solvers.kernel import STILL
+    from tp_controller.solvers.directions import STILL
 
     T = solver.metric
     size = float(np.linalg.norm(T, 2))

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.objectives import Objective
+from tp_controller.solvers.bounded import BoundedRecursion
 from tp_controller.solvers.inverses import DEFAULT, ONE_SIDED, Inverse
 from tp_controller.solvers.problem import Bounds, Curvature, Levels, Rows
-from tp_controller.solvers.bounded import BoundedRecursion
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -61,7 +61,7 @@ class HQPSolver(Solver):
         from tp_controller.solvers import hqp_kernel
         from tp_controller.solvers.lexicographic import LexicographicProblem
 
-        self._second = hqp_kernel
+        self._second: Any = hqp_kernel
         n, k = self.n, self.k
         sided = np.zeros(k, dtype=np.bool_)
         sided[self._one_sided] = True

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from numba import boolean, float64, int64, njit, types, void
 
-from tp_controller.solvers.kernel import DONE, UNKNOWN, resolve
+from tp_controller.solvers.kernel import DONE, resolve
+from tp_controller.solvers.settling import UNKNOWN
 
 ROWS = float64[:, ::1]
 COLUMN = float64[::1]

@@ -1,9 +1,9 @@
-"""The recursion over levels inside velocity limits, compiled by numba: no allocation.
+"""The recursion over levels inside bounds, compiled by numba: no allocation.
 
-Everything here works in arrays that the caller made. Bases and singular vectors are kept as
-rows, so that every inner loop runs over neighbouring numbers. Importing this module compiles
-it, or loads what an earlier process compiled: no cycle ever waits for the compiler. All of it
-is in one file, because a change of another one would not make numba compile it again.
+Everything here works in arrays that the caller made. Importing this module compiles it, or
+loads what an earlier process compiled: no cycle ever waits for the compiler. Numba compiles a
+file again when that file itself changes: after a change of a file that it imports, remove its
+cache, as set-up does.
 """
 
 from __future__ import annotations
@@ -13,18 +13,16 @@ import math
 import numpy as np
 from numba import boolean, float64, int64, njit, types
 
+from tp_controller.solvers.directions import STILL, gather, invert, reduce
 from tp_controller.solvers.settling import (
     LOSES,
     NOTHING,
     UNKNOWN,
     keep,
-    orthogonalise,
     reserve,
     settle,
 )
 
-STILL = 1e-13
-"""A row of a Jacobian that is shorter [m/rad, -] is rounding: no joint moves it."""
 ALONG = 1e-9
 """A motion that moves a bound by less than this share of its size is along the bound."""
 SHORT = 1e-8
@@ -43,154 +41,6 @@ ROWS = float64[:, ::1]
 CUBE = float64[:, :, ::1]
 COLUMN = float64[::1]
 FIXED = types.Array(float64, 1, 'C', readonly=True)
-
-
-@njit(cache=True)
-def _reduce(N, spare, V, x, rank, m, n):  # type: ignore[no-untyped-def]
-    """Take directions out of a basis: its m rows (n,) become m - rank.
-
-    The directions are the ``rank`` orthonormal rows (m,) of V, in coordinates of the basis;
-    their orthonormal complement comes from Householder reflections.
-    """
-    for i in range(rank):
-        norm = 0.0
-        for c in range(i, m):
-            norm += V[i, c] * V[i, c]
-        norm = math.sqrt(norm)
-        V[i, i] += norm if V[i, i] >= 0.0 else -norm
-        length = 0.0
-        for c in range(i, m):
-            length += V[i, c] * V[i, c]
-        length = math.sqrt(length)
-        for c in range(i, m):
-            V[i, c] /= length
-        for j in range(i + 1, rank):
-            _reflect(V[j], V[i], i, m)
-    for row in range(rank, m):
-        for c in range(m):
-            x[c] = 1.0 if c == row else 0.0
-        for i in range(rank - 1, -1, -1):
-            _reflect(x, V[i], i, m)
-        for c in range(n):
-            entry = 0.0
-            for j in range(m):
-                entry += x[j] * N[j, c]
-            spare[row - rank, c] = entry
-    for row in range(m - rank):
-        for c in range(n):
-            N[row, c] = spare[row, c]
-
-
-@njit(cache=True)
-def _reflect(x, normal, first, m):  # type: ignore[no-untyped-def]
-    """Reflect a vector at the plane with a unit normal whose first entries are zero."""
-    along = 0.0
-    for c in range(first, m):
-        along += normal[c] * x[c]
-    for c in range(first, m):
-        x[c] -= 2.0 * along * normal[c]
-
-
-@njit(cache=True)
-def _gather(J, velocity, acts, first, k, qd, order, residual):  # type: ignore[no-untyped-def]
-    """List a level's rows that act and joints can move, and what is left of their velocities.
-
-    A row of zeros asks for nothing, and without it not even the order of sums changes. A
-    level of nothing but rounding would ask for speeds without bound.
-
-    Returns
-    -------
-    int, float
-        How many there are, and the square of their Frobenius norm.
-    """
-    square = 0.0
-    filled = 0
-    for i in range(first, first + k):
-        if not acts[i]:
-            continue
-        gap, length = velocity[i], 0.0
-        for c in range(qd.size):
-            length += J[i, c] * J[i, c]
-            gap -= J[i, c] * qd[c]
-        square += length
-        if length > STILL * STILL:
-            residual[filled] = gap
-            order[filled] = i
-            filled += 1
-    return filled, square
-
-
-@njit(cache=True)
-def _invert(J, order, k, N, m, rule, smallest, sides, answers, count, B, W, U, S):  # type: ignore[no-untyped-def]
-    """Answer right sides by a filtered inverse of ``J N``, in coordinates of the basis N.
-
-    Parameters
-    ----------
-    J, order, k
-        Rows (K, n), and which k of them count.
-    N, m
-        The m rows (n,) of the basis.
-    rule
-        λ and ε: a direction of singular value s is damped by ``λ² max(0, 1 - (s/ε)²)``.
-    smallest
-        Singular values up to this one count for nothing.
-    sides, answers, count
-        ``count`` right sides (k,), and room for their answers (m,), one per row.
-    B, W
-        Space to work in. The first rows (m,) of B are then orthonormal: the directions that
-        the level has taken.
-    U, S
-        Results: for each of these directions the rows' shares (k,), of unit length, and the
-        singular value.
-
-    Returns
-    -------
-    int
-        The rank.
-    """
-    n = N.shape[1]
-    # The rows of B are those of J N, or its columns where those are fewer.
-    tall = k > m
-    p, q = (m, k) if tall else (k, m)
-    for i in range(k):
-        row = int(order[i])
-        for j in range(m):
-            entry = 0.0
-            for c in range(n):
-                entry += J[row, c] * N[j, c]
-            if tall:
-                B[j, i] = entry
-            else:
-                B[i, j] = entry
-    orthogonalise(B, W, p, q)
-    for side in range(count):
-        for c in range(m):
-            answers[side, c] = 0.0
-    rank = 0
-    for i in range(p):
-        s = 0.0
-        for c in range(q):
-            s += B[i, c] * B[i, c]
-        s = math.sqrt(s)
-        # Directions outside the rank stay out: damping near 0 would amplify rounding.
-        if not s > smallest:
-            continue
-        near = 1.0 - (s / rule[1]) ** 2
-        filtered = s * s + (rule[0] ** 2 * near if near > 0.0 else 0.0)
-        left, right = (B, W) if tall else (W, B)
-        for side in range(count):
-            along = 0.0
-            for c in range(k):
-                along += left[i, c] * sides[side, c]
-            for c in range(m):
-                answers[side, c] += along / filtered * right[i, c]
-        for c in range(k):
-            U[rank, c] = B[i, c] / s if tall else W[i, c]
-        for c in range(m):
-            B[rank, c] = W[i, c] if tall else B[i, c] / s
-        S[rank] = s
-        rank += 1
-    return rank
 
 
 @njit(cache=True)
@@ -269,9 +119,9 @@ def _stopper(J, start, way, low, high, sided, end, floor, held):  # type: ignore
 
 @njit(cache=True)
 def _serve(  # type: ignore[no-untyped-def]
-    J, velocity, order, k, first, end, square, acts, rule, smallest, weight, level, full, Z, freedom,
-    low, high, firm_low, firm_high, sided, bounded, floor, stops, settling, offset, errors, hessians,
-    bends, followed, count, found, work, share_of, qd,
+    J, velocity, order, k, first, end, square, acts, rule, smallest, weight, level, full, Z,
+    freedom, low, high, firm_low, firm_high, sided, bounded, floor, stops, settling, offset,
+    errors, hessians, bends, followed, count, found, work, share_of, qd,
 ):  # fmt: skip
     """Bring a level as far as the bounds allow; ``work[6, 0]`` is its answer without them.
 
@@ -333,8 +183,10 @@ def _serve(  # type: ignore[no-untyped-def]
             break
         firm = critical >= n
         if not firm:
-            firm = high[critical] >= firm_high[critical] if way[critical] > 0.0 else (
-                low[critical] <= firm_low[critical]
+            firm = (
+                high[critical] >= firm_high[critical]
+                if way[critical] > 0.0
+                else (low[critical] <= firm_low[critical])
             )
         if not firm and (freedom == 1 or found == LOSES):
             # A level that loses is scaled: holding joints would change what it loses.
@@ -368,7 +220,7 @@ def _serve(  # type: ignore[no-untyped-def]
         lengths[d], lengths[d + 1] = root, 0.0
         for j in range(freedom):
             B[0, j] = coordinates[j] / root
-        _reduce(Z, spare, B, answers[1], 1, freedom, n)
+        reduce(Z, spare, B, answers[1], 1, freedom, n)
         freedom -= 1
         for i in range(k):
             r = int(order[i])
@@ -380,7 +232,7 @@ def _serve(  # type: ignore[no-untyped-def]
         if firm and freedom == 0:
             share = 1.0
             break
-        rank = _invert(
+        rank = invert(
             J, order, k, Z[:, :n], freedom, rule, smallest, sides, answers, 2, B, W, U, S
         )
         if not firm and rank < full:
@@ -390,8 +242,8 @@ def _serve(  # type: ignore[no-untyped-def]
             share = -1.0
             if settling != PLAIN:
                 found = settle(
-                    J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
-                    Z[:, :n], freedom, rank, B, U, S, sides[0], rule, square, followed,
+                    J, order, k, first, end, acts, errors, hessians, bends, settling == BENT,
+                    offset, Z[:, :n], freedom, rank, B, U, S, sides[0], rule, square, followed,
                     d + 1, taken, rows, lengths, weights, pull, work[13], work[14], work[15],
                     lost, answers[0],
                 )  # fmt: skip
@@ -415,8 +267,8 @@ def _serve(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _recur(  # type: ignore[no-untyped-def]
-    J, velocity, acts, starts, rules, basis, tolerance, bounded, low, high, firm_low, firm_high, sided,
-    weight, work, shares, stops, settling, offset, errors, hessians, bends, qd,
+    J, velocity, acts, starts, rules, basis, tolerance, bounded, low, high, firm_low, firm_high,
+    sided, weight, work, shares, stops, settling, offset, errors, hessians, bends, qd,
 ):  # fmt: skip
     """Resolve levels one after the other, inside the bounds or without any; see `resolve`."""
     n = qd.size
@@ -444,7 +296,7 @@ def _recur(  # type: ignore[no-untyped-def]
             k, square = _broken(J, velocity, sided, first, end, qd, order, sides[0], stops, level)
             if k > 0 and m > 0:
                 smallest = tolerance * math.sqrt(square)
-                full = _invert(
+                full = invert(
                     J, order, k, N[:, :n], m, rule, smallest, sides, answers, 1, B, W, U, S
                 )
                 lengths[count] = 0.0
@@ -453,8 +305,9 @@ def _recur(  # type: ignore[no-untyped-def]
                         Z[j, c] = N[j, c]
                 result, _ = _serve(
                     J, velocity, order, k, first, end, square, acts, rule, smallest, weight, level,
-                    full, Z, m, low, high, firm_low, firm_high, sided, bounded, floor, stops, PLAIN,
-                    offset, errors, hessians, bends, False, count, NOTHING, work, share_of, qd,
+                    full, Z, m, low, high, firm_low, firm_high, sided, bounded, floor, stops,
+                    PLAIN, offset, errors, hessians, bends, False, count, NOTHING, work, share_of,
+                    qd,
                 )  # fmt: skip
                 if result != DONE:
                     return result
@@ -464,13 +317,13 @@ def _recur(  # type: ignore[no-untyped-def]
                     for c in range(n):
                         rate += J[r, c] * qd[c]
                     floor[r] = min(velocity[r], rate)
-        k, square = _gather(J, velocity, acts, first, end - first, qd, order, sides[0])
+        k, square = gather(J, velocity, acts, first, end - first, qd, order, sides[0])
         if not square < math.inf:
             return FAILED
         if m == 0:
             continue
         smallest = tolerance * math.sqrt(square)
-        full = _invert(J, order, k, N[:, :n], m, rule, smallest, sides, answers, 1, B, W, U, S)
+        full = invert(J, order, k, N[:, :n], m, rule, smallest, sides, answers, 1, B, W, U, S)
         found = NOTHING
         if settling != PLAIN:
             found = settle(
@@ -490,7 +343,7 @@ def _recur(  # type: ignore[no-untyped-def]
                 Z[j, c] = N[j, c]
         freedom = m
         if full < m:
-            _reduce(N, spare, B, answers[1], full, m, n)
+            reduce(N, spare, B, answers[1], full, m, n)
         m -= full
         # Directions that are held in this level stand after those of levels above, for a while.
         lengths[count] = 0.0
@@ -513,7 +366,11 @@ def _recur(  # type: ignore[no-untyped-def]
             )  # fmt: skip
         if settling != PLAIN:
             for i in range(full):
-                taken[count], rows[count], lengths[count] = own_taken[i], own_rows[i], own_lengths[i]
+                taken[count], rows[count], lengths[count] = (
+                    own_taken[i],
+                    own_rows[i],
+                    own_lengths[i],
+                )
                 count += 1
         if m == 0 and not bounded:
             break
@@ -589,8 +446,8 @@ def _keeps(J, velocity, low, high, sided, qd):  # type: ignore[no-untyped-def]
     cache=True,
 )
 def resolve(  # type: ignore[no-untyped-def]
-    J, velocity, acts, starts, rules, basis, tolerance, low, high, firm_low, firm_high, sided, weight,
-    work, shares, stops, settling, offset, errors, hessians, bends, qd,
+    J, velocity, acts, starts, rules, basis, tolerance, low, high, firm_low, firm_high, sided,
+    weight, work, shares, stops, settling, offset, errors, hessians, bends, qd,
 ):  # fmt: skip
     """Resolve levels one after the other inside the bounds.
 
@@ -611,7 +468,7 @@ def resolve(  # type: ignore[no-untyped-def]
     starts
         First row of every level, then K (levels + 1,).
     rules
-        λ and ε of every level (levels, 2), see `_invert`.
+        λ and ε of every level (levels, 2), see `invert`.
     basis
         Rows (n, n) that span the joint velocities, orthonormal in the metric to minimise.
     tolerance

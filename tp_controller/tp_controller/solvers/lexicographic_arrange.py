@@ -11,7 +11,8 @@ import math
 
 from numba import boolean, float64, int32, int64, njit
 
-from tp_controller.solvers.kernel import COLUMN, ROWS, STILL
+from tp_controller.solvers.directions import STILL
+from tp_controller.solvers.kernel import COLUMN, ROWS
 
 ENDLESS = 1e30
 """What DAQP takes for infinity."""

@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numba import boolean, float64, njit
 
-from tp_controller.solvers.kernel import COLUMN, ROWS, STILL, _invert, _reduce
+from tp_controller.solvers.directions import STILL, invert, reduce
+from tp_controller.solvers.kernel import COLUMN, ROWS
 from tp_controller.solvers.lexicographic_arrange import (
     CHOICES,
     PLACES,
@@ -156,12 +157,12 @@ def _step(J, order, k, right, smallest, x, N, m, spare, answers, B, W, U, S):  #
     """Add the least squares of rows to x, take them out of the basis; return its new size."""
     n = x.size
     rule = UNDAMPED
-    rank = _invert(J, order, k, N[:, :n], m, rule, smallest, right, answers, 1, B, W, U, S)
+    rank = invert(J, order, k, N[:, :n], m, rule, smallest, right, answers, 1, B, W, U, S)
     for c in range(n):
         for j in range(m):
             x[c] += answers[0, j] * N[j, c]
     if 0 < rank < m:
-        _reduce(N, spare, B, answers[1], rank, m, n)
+        reduce(N, spare, B, answers[1], rank, m, n)
     return m - rank
 
 

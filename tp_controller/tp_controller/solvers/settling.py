@@ -208,7 +208,6 @@ def settle(  # type: ignore[no-untyped-def]
     """
     if first < offset or end - offset > errors.size:
         return NOTHING
-    n = N.shape[1]
     mean = max(square / max(k, 1), SHORT)
     size = 0.0
     weights[:] = 0.0

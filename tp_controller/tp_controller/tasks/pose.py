@@ -143,7 +143,7 @@ class PoseTask(FrameTask):
         self._turn.update()
 
     @property
-    def bend(self) -> Vector:  # type: ignore[override]
+    def bend(self) -> Vector:
         """Bounds (k,) of the position's rows, then the orientation's."""
         return np.concatenate([self._place.bend, self._turn.bend])
 
