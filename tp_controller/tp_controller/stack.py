@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import NamedTuple, NoReturn
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, UnusableState, listed, shown
 from tp_controller.guard import Guard
-from tp_controller.robot import Robot
+from tp_controller.robot import Limits, Robot
 from tp_controller.solvers import Solver
 from tp_controller.tasks import SetBasedTask, Task
 
@@ -100,6 +100,11 @@ class Stack:
         self.hierarchy = hierarchy
 
     @property
+    def members(self) -> Sequence[Sequence[Task]]:
+        """Tasks by level, highest first."""
+        return tuple(tuple(tasks) for tasks in self._members)
+
+    @property
     def hierarchy(self) -> Sequence[str]:
         """Task names by level, highest first, ``a + b`` for two on one level."""
         return tuple(' + '.join(task.name for task in members) for members in self._members)
@@ -107,8 +112,12 @@ class Stack:
     @hierarchy.setter
     def hierarchy(self, hierarchy: Sequence[str]) -> None:
         members = self.check_hierarchy(hierarchy)
+        # Who stays goes on as it is: rows that are in stay in.
+        stays = set(chain.from_iterable(self._members)) & set(chain.from_iterable(members))
         for task in self.tasks.values():
-            task.place(np.zeros_like(task.J))
+            if task not in stays:
+                task.leave()
+                task.place(np.zeros_like(task.J))
         self._members = members
         self._rows: dict[str, slice] = {}
         k = 0
@@ -163,7 +172,38 @@ class Stack:
         for name, rows in self._rows.items():
             task = self.tasks[name]
             if isinstance(task, SetBasedTask):
-                task.acting = self.solver.acting[rows]
+                acting = self.solver.acting[rows]
+                # Who stays goes on as it is until the next step.
+                acting[:] = task.acting
+                task.acting = acting
+
+    def prepare_limits(self, limits: Limits) -> Callable[[], None]:
+        """Check limits that the robot is to have; nothing has changed yet.
+
+        Returns
+        -------
+        callable
+            Gives them to the robot and lets every task follow; it cannot fail.
+
+        Raises
+        ------
+        InvalidValue
+            If they cannot be enforced, or a task could not be made with them.
+        """
+        self.guard.check_limits(limits)
+        followers = []
+        for task in self.tasks.values():
+            try:
+                followers.append(task.prepare_limits(limits))
+            except InvalidValue as error:
+                raise error.under(f'tasks.{task.name}') from None
+
+        def apply() -> None:
+            self.robot.limits = limits
+            for follow in followers:
+                follow()
+
+        return apply
 
     def _jacobian_at(self, q: Vector) -> Matrix:
         """Stacked Jacobian (K, n) after the robot was moved to ``q`` (n,)."""

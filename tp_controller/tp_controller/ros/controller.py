@@ -98,7 +98,7 @@ class ControllerNode(RobotNode):
             MARKER_PERIOD, self._publish_markers, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
         self._declaring = False
-        self._pending_changes: Callable[[], None] | None = None
+        self._pending_changes: Callable[[], tuple[str, ...]] | None = None
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         TaskServices(self, self._settings, self._on_task_added, self._on_task_removed)
@@ -303,6 +303,7 @@ class ControllerNode(RobotNode):
 
     def _apply_parameters(self, parameters: Sequence[RosParameter]) -> None:
         if self._pending_changes is not None:
-            self._pending_changes()
+            for line in self._pending_changes():
+                self.get_logger().warning(line)
             self._pending_changes = None
             self._state.follow_hierarchy()

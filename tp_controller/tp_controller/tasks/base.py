@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, NoReturn
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, plural, shown
 from tp_controller.parameters import NUMBER, NUMBERS, REQUIRED, TEXT, Parameter
-from tp_controller.robot import Robot
+from tp_controller.robot import Limits, Robot
 from tp_controller.solvers.inverses import INVERSES, Inverse
 
 Vector = NDArray[np.float64]
@@ -48,7 +48,7 @@ COMMON: Mapping[str, Parameter] = {
 }
 
 LARGEST = 1e9
-"""Size of a value of a target or a gain up to which nothing is lost to rounding."""
+"""Size of a value of a target, feedforward or gain up to which nothing is lost to rounding."""
 
 
 class Task(ABC):
@@ -128,6 +128,21 @@ class Task(ABC):
         """What a user should know of the settings."""
         return ()
 
+    def prepare_limits(self, limits: Limits) -> Callable[[], None]:
+        """Check limits that the robot is to have.
+
+        Returns
+        -------
+        callable
+            Makes the task follow them; it cannot fail. To be called when the robot has them.
+
+        Raises
+        ------
+        InvalidValue
+            If the task could not be made for a robot with these limits.
+        """
+        return _nothing
+
     @property
     @abstractmethod
     def target_components(self) -> tuple[str, ...]:
@@ -139,6 +154,11 @@ class Task(ABC):
         return len(self.target_components)
 
     @property
+    def sized(self) -> slice:
+        """Values of a target whose size is bounded; of a quaternion only the direction counts."""
+        return slice(None)
+
+    @property
     @abstractmethod
     def current(self) -> Vector:
         """Present value, in the form of a target if the task has one; a copy."""
@@ -146,6 +166,10 @@ class Task(ABC):
     @abstractmethod
     def update(self) -> None:
         """Compute `error` and `J` at the robot's present configuration."""
+
+    def leave(self) -> None:
+        """Forget what belongs to a place in the hierarchy; nothing, unless rows come and go."""
+        return
 
     def place(self, J: Matrix) -> None:
         """Keep the Jacobian in a given array (k, n) from now on."""
@@ -167,7 +191,7 @@ class Task(ABC):
         Raises
         ------
         InvalidValue
-            For a wrong number of values or one that is not finite.
+            For a wrong number of values, one that is not finite or one above `LARGEST`.
         """
         if not self.target_size:
             raise InvalidValue('target', shown(values), f'none: a {self.type} task has no target')
@@ -176,13 +200,7 @@ class Task(ABC):
         target = np.array(values, dtype=float)
         if not np.all(np.isfinite(target)):
             raise InvalidValue('target', shown(target), 'finite numbers')
-        # Of a quaternion only the direction counts.
-        sizes = [
-            abs(value)
-            for name, value in zip(self.target_components, target, strict=True)
-            if not name.startswith('q')
-        ]
-        if max(sizes, default=0.0) > LARGEST:
+        if np.abs(target[self.sized]).max(initial=0.0) > LARGEST:
             raise InvalidValue('target', shown(target), f'numbers up to {LARGEST:g} in size')
         return target
 
@@ -252,7 +270,7 @@ class Task(ABC):
         Raises
         ------
         InvalidValue
-            For a wrong number of values or one that is not finite.
+            For a wrong number of values, one that is not finite or one above `LARGEST`.
         """
         if len(values) != self.k:
             accepts = f'{plural(self.k, "value")} ({", ".join(self.components)})'
@@ -260,12 +278,19 @@ class Task(ABC):
         velocity = np.array(values, dtype=float)
         if not np.all(np.isfinite(velocity)):
             raise InvalidValue('feedforward', shown(velocity), 'finite numbers')
+        if np.abs(velocity).max(initial=0.0) > LARGEST:
+            accepts = f'numbers up to {LARGEST:g} in size'
+            raise InvalidValue('feedforward', shown(velocity), accepts)
         return velocity
 
     def desired_velocity(self, out: Vector) -> None:
         """Write ``K error + feedforward`` (k,) of the last update to ``out``."""
         np.dot(self._K, self.error, out=out)
         out += self._feedforward
+
+
+def _nothing() -> None:
+    """Follow limits without doing anything."""
 
 
 def _counted(values: Sequence[float] | Vector) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.robot import Clearance
-from tp_controller.tasks.set_based import SetBasedTask, Switching
+from tp_controller.tasks.set_based import SetBasedTask, Switching, Thresholds
 
 Vector = NDArray[np.float64]
 
@@ -45,8 +45,12 @@ class ClearanceTask(SetBasedTask):
         self.clearance = clearance
         reach = clearance.reach
         super().__init__(name, clearance.robot, clearance.names, reach, period, switching)
+
+    def _take(self, thresholds: Thresholds) -> None:
+        super()._take(thresholds)
         # Just beyond where rows come in or go out.
-        clearance.threshold = 1.01 * (self._edge if self.one_sided else self.release)
+        edge = thresholds.release if thresholds.edge is None else thresholds.edge
+        self.clearance.threshold = 1.01 * edge
 
     @property
     def current(self) -> Vector:

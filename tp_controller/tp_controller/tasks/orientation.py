@@ -101,6 +101,11 @@ class OrientationTask(FrameTask):
         return self.components if self._is_heading else QUATERNION
 
     @property
+    def sized(self) -> slice:
+        """An angle, nothing of a quaternion."""
+        return slice(None if self._is_heading else 0)
+
+    @property
     def current(self) -> Vector:
         """Present angle (1,) [rad] or quaternion x, y, z, w (4,); a copy."""
         return self.target_from_pose(np.zeros(3), self._rotation())
