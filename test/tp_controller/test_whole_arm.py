@@ -11,7 +11,7 @@ from random_stacks import examples, states, vectors
 from small_arms import planar_block
 
 from tp_controller import InvalidValue, build_settings, read_parameter_file
-from tp_controller.config import check_addition
+from tp_controller.config import build_addition
 from tp_controller.tasks import SelfCollisionTask, WholeArmTask
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
@@ -214,11 +214,11 @@ def test_a_mesh_that_is_not_there_matters_to_tasks_that_need_it(tmp_path):
     settings = build_settings(block)
     wall = SPHERE | {'switching': 'hysteresis', 'activation': 0.1}
     with pytest.raises(InvalidValue) as caught:
-        check_addition(settings, 'wall', wall, 0)
+        build_addition(settings, 'wall', wall)
     assert caught.value.key == 'robot.capsules.arm'
     given = {'capsules': {'arm': [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1]}}
     block['robot'] |= given
-    added = check_addition(build_settings(block), 'wall', wall, 0)
+    added = build_addition(build_settings(block), 'wall', wall)
     assert added.task.components == ('arm',)
 
 

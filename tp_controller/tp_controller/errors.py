@@ -63,6 +63,9 @@ class UnusableState(TaskPriorityError):
 
 def shown(value: Any, longest: int = 80) -> str:
     """Text of a value for an error message, cut when it is long."""
+    if isinstance(value, str | list | tuple) or getattr(value, 'shape', ()):
+        # What is cut away is not put into words before.
+        value = value[: longest + 1]
     if hasattr(value, 'tolist'):
         value = value.tolist()
     elif isinstance(value, tuple):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Sized
 from functools import partial
 from typing import Any
 
@@ -19,6 +19,8 @@ from tp_controller.tasks import Task
 LIMITS = 'robot.limits.'
 DAMPING = 'solver.damping'
 HIERARCHY = 'hierarchy'
+MOST = 10_000
+"""Values, or letters, of one parameter: more would hold up the cycle."""
 
 
 def check_changes(
@@ -152,4 +154,6 @@ def _read(key: str, value: Any, schema: Mapping[str, Parameter]) -> Any:
         raise InvalidValue(key, what, f'changes of {accepts}')
     if value is None:
         raise InvalidValue(key, shown(value), schema[key].accepts)
+    if isinstance(value, Sized) and len(value) > MOST:
+        raise InvalidValue(key, f'{len(value)} values', f'up to {MOST} of them')
     return schema[key].read(key, value)

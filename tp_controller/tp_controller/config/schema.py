@@ -257,7 +257,7 @@ def task_schema(name: str, flat: Mapping[str, Any]) -> dict[str, Parameter]:
     """
     if not NAME.fullmatch(name):
         raise InvalidValue(
-            f'tasks.{name}',
+            f'tasks.{name[:80]}',
             f'a task called {shown(name)}',
             'names of up to 80 letters, digits and _ that begin with a letter',
         )

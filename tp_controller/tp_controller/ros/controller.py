@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -39,6 +39,10 @@ from tp_interfaces.msg import ControllerState
 
 QUEUE_DEPTH = 100
 """Messages that wait while the process is not scheduled: 0.1 s at 1 kHz."""
+
+
+DECLARED_AT_ONCE = 5
+"""Parameters of a new task between two cycles."""
 
 
 class ControllerNode(RobotNode):
@@ -84,7 +88,7 @@ class ControllerNode(RobotNode):
         self._make_command_publisher(values['command.type'])
         self._inputs: dict[str, list[Subscription]] = {}
         for task in self._stack.tasks.values():
-            self._listen(task)
+            list(self._listen(task))
         self.create_subscription(JointState, 'joint_states', self._on_joint_state, QUEUE_DEPTH)
         self._stale_after = values['timeouts.joint_state']
         self.create_timer(
@@ -114,39 +118,43 @@ class ControllerNode(RobotNode):
     def _levels(self) -> str:
         return ', '.join(self._stack.hierarchy)
 
-    def _listen(self, task: Task) -> None:
-        """Take goals and feedforwards of a task."""
-        self._inputs[task.name] = [
-            self.create_subscription(
-                types[task.type], f'~/{task.name}/{topic}', partial(callback, task), 10
-            )
-            for types, topic, callback in (
-                (GOAL_TYPES, 'goal', self._on_goal),
-                (FEEDFORWARD_TYPES, 'feedforward', self._on_feedforward),
-            )
-            if task.type in types
-        ]
+    def _listen(self, task: Task) -> Iterator[None]:
+        """Take goals and feedforwards of a task, with a pause after each subscription."""
+        inputs = self._inputs[task.name] = []
+        for types, topic, callback in (
+            (GOAL_TYPES, 'goal', self._on_goal),
+            (FEEDFORWARD_TYPES, 'feedforward', self._on_feedforward),
+        ):
+            if task.type in types:
+                name, call = f'~/{task.name}/{topic}', partial(callback, task)
+                inputs.append(self.create_subscription(types[task.type], name, call, 10))
+                yield
         for warning in task.warnings:
             self.get_logger().warning(warning)
 
-    def _on_task_added(self, task: Task) -> None:
+    def _on_task_added(self, task: Task) -> Iterator[None]:
         self._schema = controller_schema(self._settings.values)
-        own = {key: p for key, p in self._schema.items() if key.startswith(f'tasks.{task.name}.')}
-        self._declaring = True
-        describe_parameters(self, own, self._settings.values)
-        self._declaring = False
-        self._listen(task)
         self._follow_tasks()
+        yield
+        own = [key for key in self._schema if key.startswith(f'tasks.{task.name}.')]
+        for i in range(0, len(own), DECLARED_AT_ONCE):
+            some = {key: self._schema[key] for key in own[i : i + DECLARED_AT_ONCE]}
+            self._declaring = True
+            describe_parameters(self, some, self._settings.values)
+            self._declaring = False
+            yield
+        yield from self._listen(task)
 
-    def _on_task_removed(self, task: Task, keys: Sequence[str]) -> None:
+    def _on_task_removed(self, task: Task, keys: Sequence[str]) -> Iterator[None]:
         self._schema = controller_schema(self._settings.values)
+        self._feedforwards.forget(task)
+        self._follow_tasks()
+        for subscription in self._inputs.pop(task.name):
+            self.destroy_subscription(subscription)
+        yield
         for key in keys:
             if self.has_parameter(key):
                 self.undeclare_parameter(key)
-        for subscription in self._inputs.pop(task.name):
-            self.destroy_subscription(subscription)
-        self._feedforwards.forget(task)
-        self._follow_tasks()
 
     def _follow_tasks(self) -> None:
         self._state.follow_tasks()
