@@ -35,7 +35,7 @@ WAITING = 8
 """Requests without an answer, at which no further one is sent."""
 GOALS = ([0.5, 0.3, 0.3], [0.45, -0.3, 0.5], [0.6, 0.0, 0.6])
 TASKS = (
-    '{type: obstacle, whole_arm: true, shape: box, center: [0.7, 0.5, 0.2], size: [0.2, 0.2, 0.4]}',
+    '{type: obstacle, whole_arm: true, shape: box, center: [0.7, 0.5, 0], size: [0.2, 0.2, 0.4]}',
     '{type: obstacle, whole_arm: true, center: [0.2, 0.6, 0.6], radius: 0.1}',
     '{type: obstacle, frame: panda_hand, center: [0.2, -0.6, 0.6], radius: 0.1}',
     '{type: self_collision, ignore: [panda_link5 panda_link7, panda_link5 panda_hand]}',

@@ -26,7 +26,7 @@ from tp_controller.config import (
 )
 from tp_controller.config.additions import Addition
 from tp_controller.errors import InvalidValue, TaskPriorityError
-from tp_controller.robot.apart import described_apart
+from tp_controller.shape_process import described_apart
 from tp_controller.tasks import Task
 from tp_interfaces.srv import AddTask, RemoveTask
 

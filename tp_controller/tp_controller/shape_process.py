@@ -1,7 +1,7 @@
 """Collision shapes of a URDF, read by a process of its own.
 
 A mesh is loaded in one call that holds up every thread of the process, for up to 0.1 s: too long
-beside a control cycle.
+beside a control cycle. The other process gives way to this one.
 """
 
 from __future__ import annotations
@@ -11,11 +11,16 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING
 
 from tp_controller.errors import TaskPriorityError
-from tp_controller.robot.bodies import described_bodies
-from tp_controller.robot.shapes import Shape
 
+if TYPE_CHECKING:
+    from tp_controller.robot import Shape
+
+MODULE = 'tp_controller.shape_process'
+COURTESY = 10
+"""Added to the niceness of the process."""
 TIMEOUT = 60.0
 """Longest time [s] that it may take."""
 
@@ -39,7 +44,7 @@ def described_apart(
     environment = os.environ | {'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}
     try:
         done = subprocess.run(
-            [sys.executable, '-m', __name__],
+            [sys.executable, '-m', MODULE],
             input=pickle.dumps((description, tuple(without))),
             stdout=subprocess.PIPE,
             env=environment,
@@ -57,6 +62,11 @@ def described_apart(
 
 
 def _main() -> None:
+    # A controller may run with a priority in real time; this may not.
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    os.nice(COURTESY)
+    from tp_controller.robot.bodies import described_bodies
+
     # What libraries print is no answer.
     answer = os.fdopen(os.dup(sys.stdout.fileno()), 'wb')
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
