@@ -65,7 +65,7 @@ def shown(value: Any, longest: int = 80) -> str:
     """Text of a value for an error message, cut when it is long."""
     # What is cut away is not put into words before.
     if hasattr(value, 'tolist'):
-        value = (value if value.ndim == 0 else value[: longest + 1]).tolist()
+        value = (value[: longest + 1] if getattr(value, 'ndim', 1) else value).tolist()
     elif isinstance(value, str | list):
         value = value[: longest + 1]
     elif isinstance(value, tuple):

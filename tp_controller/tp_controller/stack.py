@@ -155,6 +155,15 @@ class Stack:
     def _level_rows(self, tasks: Sequence[Task]) -> slice:
         return slice(self._rows[tasks[0].name].start, self._rows[tasks[-1].name].stop)
 
+    def hold(self) -> None:
+        """Let the tasks of the hierarchy take their values at the first step as targets.
+
+        Obstacles stay where they are. To be called before the first step.
+        """
+        for task, _ in self._parts:
+            if not task.set_based and task.target_size:
+                task.forget_target()
+
     def add(self, task: Task) -> None:
         """Load a task of a new name, outside the hierarchy."""
         self.tasks[task.name] = task

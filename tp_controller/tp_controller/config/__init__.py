@@ -11,10 +11,19 @@ from tp_controller.config.build import (
 )
 from tp_controller.config.changes import check_changes
 from tp_controller.config.files import read_blocks, read_parameter_file, read_task
-from tp_controller.config.schema import SHARED, controller_schema, robot_source, shared_schema
+from tp_controller.config.schema import (
+    HOLD,
+    SHARED,
+    START,
+    controller_schema,
+    robot_source,
+    shared_schema,
+)
 
 __all__ = [
+    'HOLD',
     'SHARED',
+    'START',
     'Settings',
     'build_addition',
     'build_robot',

@@ -9,9 +9,11 @@ from typing import Any, NamedTuple
 
 from tp_controller.config.schema import (
     DESCRIPTION,
+    HOLD,
     INVERSE,
     OBJECTIVE,
     REST,
+    START,
     URDF,
     controller_schema,
     robot_source,
@@ -51,7 +53,8 @@ def build_settings(parameters: Mapping[str, Any], description: str | None = None
     Parameters
     ----------
     parameters
-        The dictionary under ``ros__parameters``, nested or with dotted keys.
+        The dictionary under ``ros__parameters``, nested or with dotted keys. Without `start`,
+        which the controller's node sets to ``hold``, tasks go to their targets.
     description
         URDF of the robot for parameters that name none.
 
@@ -66,6 +69,8 @@ def build_settings(parameters: Mapping[str, Any], description: str | None = None
     stack = build_stack(robot, values)
     for name, task in stack.tasks.items():
         values[f'tasks.{name}.feedforward'] = tuple(task.feedforward)
+    if flatten(parameters).get(START) == HOLD:
+        stack.hold()
     return Settings(values, stack)
 
 

@@ -24,6 +24,8 @@ from tp_controller.tasks import COMMON, TASK_TYPES
 
 URDF = 'robot.urdf'
 DESCRIPTION = 'robot_description'
+START = 'start'
+HOLD, TARGET = STARTS = ('hold', 'target')
 COMMAND_TYPES = ('joint_state', 'float64_multi_array')
 
 SHARED: Mapping[str, Parameter] = {
@@ -147,6 +149,13 @@ CONTROLLER: Mapping[str, Parameter] = {
         'Age [s] after which a feedforward message gives way to the configured value',
         default=0.5,
         above=0.0,
+    ),
+    START: Parameter(
+        TEXT,
+        'First targets of the tasks in the hierarchy: hold takes their values at the first joint '
+        'state, so that the arm stays where it is until a goal comes; target those of the file',
+        default=STARTS[0],
+        choices=STARTS,
     ),
     'hierarchy': Parameter(
         TEXTS,

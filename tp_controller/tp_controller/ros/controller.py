@@ -19,6 +19,8 @@ from std_msgs.msg import Float64MultiArray
 from visualization_msgs.msg import MarkerArray
 
 from tp_controller.config import (
+    HOLD,
+    START,
     build_settings,
     check_changes,
     controller_schema,
@@ -65,7 +67,7 @@ class ControllerNode(RobotNode):
 
     def start(self, given: Mapping[str, Any], description: str | None) -> None:
         """Build the stack of tasks and listen to joint states and goals."""
-        self._settings = build_settings(given, description)
+        self._settings = build_settings({START: HOLD, **given}, description)
         values = self._settings.values
         self._schema = controller_schema(values)
         describe_parameters(self, self._schema, values)
