@@ -138,3 +138,43 @@ def test_what_cannot_be_removed_is_refused(loop):
     assert 'the only task of the hierarchy' in response.message
     loop.set_parameters({'hierarchy': ['obstacle_1', 'ee_position']})
     assert 'ee_position' in names(loop)
+
+
+def test_what_makes_the_arm_less_safe_is_a_warning(loop):
+    def warnings():
+        return [line for line in loop.controller.output.splitlines() if 'less safe' in line]
+
+    loop.set_parameters({'hierarchy': ['obstacle_1', 'obstacle_2', 'ee_position']})
+    count = len(warnings())
+    loop.set_parameters({'robot.limits.velocity': [5.0]})
+    assert 'robot.limits.velocity is wider: joint_1' in warnings()[-1]
+    assert remove(loop, 'obstacle_1').success
+    assert 'obstacle_1 leaves the hierarchy' in warnings()[-1]
+    assert add(loop, 'first', '{type: posture}', 0).success
+    assert 'obstacle_2 loses priority to first' in warnings()[-1]
+    assert remove(loop, 'first').success
+    loop.set_parameters({'robot.limits.velocity': [1.0]})
+    assert len(warnings()) == count + 3
+
+
+def test_requests_wait_for_each_other_while_joint_states_are_answered(config):
+    """The first whole-arm task of an arm reads meshes: the loop goes on meanwhile."""
+    text = '{type: obstacle, whole_arm: true, center: [0.5, 0.3, 0.9], radius: 0.1}'
+    with ClosedLoop(config / 'panda.yaml', lockstep=False) as loop:
+        client = loop.client
+        service = client.node.create_client(AddTask, 'tp_controller/add_task')
+        client.wait_for(service.service_is_ready, 'the service')
+        cycles = loop.state.cycles
+        futures = [
+            service.call_async(AddTask.Request(name=name, parameters=text, level=0))
+            for name in ('one', 'two', 'two')
+        ]
+        client.wait_for(futures[0].done, 'the first answer')
+        # Without a pause these would be one or two.
+        assert loop.state.cycles > cycles + 5
+        client.wait_for(lambda: all(future.done() for future in futures), 'the answers')
+        assert [future.result().success for future in futures] == [True, True, False]
+        assert 'a second task of that name' in futures[2].result().message
+        client.wait_for(lambda: len(loop.state.tasks) == 5, 'both tasks in the state')
+        assert client.task('two').level == 0
+        assert client.task('one').level == 1
