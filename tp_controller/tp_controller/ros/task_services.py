@@ -32,7 +32,7 @@ from tp_interfaces.srv import AddTask, RemoveTask
 
 T = TypeVar('T')
 
-SWITCH_INTERVAL = 0.0005
+SWITCH_INTERVAL = 0.0001
 """Longest time [s] for which the thread that builds tasks keeps the cycle waiting."""
 TRIES = 5
 """How often a task is built anew because limits have changed meanwhile."""
