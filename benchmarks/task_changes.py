@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,7 @@ from tp_sim.harness.client import Client
 
 HERE = Path(__file__).resolve().parent
 CONFIG = HERE.parent / 'config' / 'panda.yaml'
+TOPICS = ('joint_states', 'joint_velocity_command')
 QUIET = 0.2
 """Share of the time that passes without changes first."""
 WAITING = 8
@@ -124,7 +126,7 @@ def run(seconds: float, interval: float, config: Path, seed: int, realtime: bool
         client = loop.client
         goals = [goal_message(client.task('hand_position'), goal) for goal in GOALS]
         client.ignore_state()
-        path = Path(folder) / 'times.npy'
+        path = Path(folder) / 'times.npz'
         receiver = subprocess.Popen(
             [sys.executable, __file__, '--receive', str(path)],
             env=loop.environment,
@@ -152,27 +154,29 @@ def run(seconds: float, interval: float, config: Path, seed: int, realtime: bool
                 client.spin_for(max(due - time.monotonic(), 0.0))
             parts.append((start, time.monotonic()))
         receiver.communicate()
-        times = np.load(path)
+        times = dict(np.load(path))
     return _print(times, parts, period, changes)
 
 
 def _print(
-    times: np.ndarray, parts: list[tuple[float, float]], period: float, changes: Changes
+    times: dict[str, np.ndarray], parts: list[tuple[float, float]], period: float, changes: Changes
 ) -> bool:
-    table = Table(title=f'Gaps between commands [periods of {1e3 * period:g} ms]')
-    for column in ('part', 'commands', 'median', '99 %', '99.9 %', 'longest', 'over 2'):
-        table.add_column(column, justify='left' if column == 'part' else 'right')
+    table = Table(title=f'Gaps between messages [periods of {1e3 * period:g} ms]')
+    for column in ('gaps between', 'count', 'median', '99 %', '99.9 %', 'longest', 'over 2'):
+        table.add_column(column, justify='left' if column == 'gaps between' else 'right')
     longest = np.inf
-    for name, (start, end) in zip(('no changes', 'changes'), parts, strict=True):
-        gaps = np.diff(times[(times >= start) & (times <= end)]) / period
-        longest = float(gaps.max())
-        figures = (np.median(gaps), *np.percentile(gaps, (99.0, 99.9)), longest)
-        table.add_row(
-            name,
-            str(len(gaps)),
-            *(f'{figure:.2f}' for figure in figures),
-            str(int((gaps > 2.0).sum())),
-        )
+    for name, (start, end) in zip(('', ', with changes'), parts, strict=True):
+        for topic in TOPICS:
+            found = times[topic]
+            gaps = np.diff(found[(found >= start) & (found <= end)]) / period
+            longest = float(gaps.max())
+            figures = (np.median(gaps), *np.percentile(gaps, (99.0, 99.9)), longest)
+            table.add_row(
+                f'{topic.replace("_", " ")}{name}',
+                str(len(gaps)),
+                *(f'{figure:.2f}' for figure in figures),
+                str(int((gaps > 2.0).sum())),
+            )
     console = Console(width=100)
     console.print(table)
     done = ', '.join(f'{count} {kind}' for kind, count in sorted(changes.counts.items()))
@@ -183,26 +187,26 @@ def _print(
 
 
 def receive(path: str) -> None:
-    """Note when commands arrive until the input ends."""
+    """Note when messages arrive until the input ends."""
     import threading
 
     import rclpy
 
     rclpy.init(args=[])
     node = rclpy.create_node('receiver')
-    times: list[float] = []
-    node.create_subscription(
-        JointState,
-        'joint_velocity_command',
-        lambda _: times.append(time.monotonic()),
-        100,
-        raw=True,
-    )
+    times: dict[str, list[float]] = {topic: [] for topic in TOPICS}
+    for topic, found in times.items():
+        note = partial(_note, found)
+        node.create_subscription(JointState, topic, note, 100, raw=True)
     ended = threading.Event()
     threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()
     while not ended.is_set():
         rclpy.spin_once(node, timeout_sec=0.1)
-    np.save(path, times)
+    np.savez(path, **{topic: np.array(found) for topic, found in times.items()})
+
+
+def _note(times: list[float], _: bytes) -> None:
+    times.append(time.monotonic())
 
 
 def main() -> int:
