@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.robot.limits import Limits
-from tp_controller.robot.reach import Path, joint_path, path_speeds
+from tp_controller.robot.reach import Path, crossings, joint_path, path_speeds
 from tp_controller.robot.shapes import Shape
 
 Vector = NDArray[np.float64]
@@ -81,6 +81,7 @@ class Robot:
         self.wrapping = tuple(wrapping) if wrapping is not None else (False,) * self.n
         self._model = model
         self._data = model.createData()
+        self._crossings = crossings(model)
         self.coupling = coupling
         """How the joints of the model follow the controlled ones, None if they are the same."""
         self._q = np.zeros(self.n)
@@ -186,10 +187,12 @@ class Robot:
 
         As `reach`; the shape and the path as for `path_speeds`.
         """
-        S, offset = self.coupling or (np.eye(self.n), np.zeros(self.n))
         farthest = np.maximum(-self.limits.position_min, self.limits.position_max)
+        if self.coupling is None:
+            return path_speeds(self._crossings, farthest, path, points, radius)
+        S, offset = self.coupling
         slides = np.abs(offset) + _products(S, farthest).sum(axis=1)
-        speeds = path_speeds(self._model, slides, path, points, radius)
+        speeds = path_speeds(self._crossings, slides, path, points, radius)
         return _products(S.T, speeds).sum(axis=1)
 
     @property
