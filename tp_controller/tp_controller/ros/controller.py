@@ -73,6 +73,15 @@ class ControllerNode(RobotNode):
         describe_parameters(self, self._schema, values)
         self._stack = self._settings.stack
         robot = self._stack.robot
+        for name, task in self._stack.tasks.items():
+            if (
+                values[START] == HOLD
+                and self._stack.level_of(name) >= 0
+                and task.feedforward.any()
+            ):
+                self.get_logger().warning(
+                    f'tasks.{name}.feedforward moves the arm from the start, though start is hold'
+                )
 
         self._q = np.zeros(robot.n)
         self._stamp = Time()
