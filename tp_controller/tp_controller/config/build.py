@@ -35,6 +35,9 @@ from tp_controller.solvers import SOLVER_TYPES, Inverse
 from tp_controller.stack import Stack, split_hierarchy
 from tp_controller.tasks import TASK_TYPES, Task
 
+RANGE = ('position_min', 'position_max')
+"""Limits that make a range."""
+
 
 class Settings(NamedTuple):
     """Everything that a controller is configured with."""
@@ -45,7 +48,9 @@ class Settings(NamedTuple):
     """The stack of tasks on its robot."""
 
 
-def build_settings(parameters: Mapping[str, Any], description: str | None = None) -> Settings:
+def build_settings(
+    parameters: Mapping[str, Any], description: str | None = None, find_rate: bool = False
+) -> Settings:
     """Build a controller's stack from its parameters.
 
     Parameters
@@ -54,19 +59,32 @@ def build_settings(parameters: Mapping[str, Any], description: str | None = None
         The dictionary under ``ros__parameters``, nested or with dotted keys.
     description
         URDF of the robot for parameters that name none.
+    find_rate
+        Whether the rate, if it is left out, is told to the stack before it moves anything,
+        see `know_rate`. Ranges of the description are then no reason to refuse; those of the
+        parameters are.
 
     Raises
     ------
     InvalidValue
-        For anything that cannot be used, naming the full key.
+        For anything that cannot be used, naming the full key; for ranges without ``rate``,
+        which nobody would keep.
     """
     values = read_parameters(parameters)
     robot = build_robot(values, description)
+    if not find_rate or any(values[f'robot.limits.{key}'] is not None for key in RANGE):
+        robot.limits.check_period(robot.joints, _period(values))
     values['robot.joints'], values['robot.base_frame'] = robot.joints, robot.base_frame
     stack = build_stack(robot, values)
     for name, task in stack.tasks.items():
         values[f'tasks.{name}.feedforward'] = tuple(task.feedforward)
     return Settings(values, stack)
+
+
+def know_rate(settings: Settings, rate: float) -> None:
+    """Tell a stack that was built without ``rate`` what it is [Hz], before it moves anything."""
+    settings.values['rate'] = rate
+    settings.stack.know_period(1.0 / rate)
 
 
 def read_parameters(parameters: Mapping[str, Any]) -> Flat:
@@ -210,6 +228,7 @@ def build_task(name: str, robot: Robot, values: Flat) -> Task:
     try:
         own['period'] = _period(values)
         task = TASK_TYPES[own['type']].from_parameters(name, robot, own)
+        task.period = own['period']
         task.gain = own['gain']
         task.weight = own['weight']
         task.inverse = Inverse(*(own[key] for key in INVERSE))

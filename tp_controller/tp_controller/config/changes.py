@@ -52,6 +52,7 @@ def check_changes(
     }
     if given:
         limits = stack.robot.limits.replaced(**given)
+        limits.check_period(stack.robot.joints, stack.guard.period)
         stack.guard.check_limits(limits)
         _check_slides(stack, limits)
         steps.append(partial(setattr, stack.robot, 'limits', limits))

@@ -132,8 +132,8 @@ CONTROLLER: Mapping[str, Parameter] = {
     ),
     'rate': Parameter(
         NUMBER,
-        'Joint states per second [Hz]; position and acceleration limits and set-based tasks '
-        'need it',
+        'Joint states per second [Hz]; position and acceleration limits, those of a URDF too, '
+        'and set-based tasks need it',
         above=0.0,
     ),
     'timeouts.joint_state': Parameter(

@@ -232,16 +232,19 @@ class SetBasedTask(Task):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a user should know of the settings."""
+        """What a user should know of the settings, one line each."""
+        found = super().warnings
         # Thresholds that were left out are exactly what is needed.
         if self.activation >= self._needed * (1.0 - 1e-9):
-            return ()
+            return found
         if self.one_sided:
             return (
+                *found,
                 f'tasks.{self.name}.activation: {self.activation:g} is less than it takes to '
                 f'brake from full speed, {self._needed:.3g}: the arm may be stopped abruptly',
             )
         return (
+            *found,
             f'tasks.{self.name}.activation: {self.activation:g} is less than one step can '
             f'travel, {self._travel:.3g}: the boundary may be crossed',
         )

@@ -55,7 +55,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(config: Path, out: Path, console: Console) -> int:
     # What the controller would refuse is refused before any process starts.
-    stack = build_settings(read_parameter_file(config, 'tp_controller')).stack
+    stack = build_settings(read_parameter_file(config, 'tp_controller'), find_rate=True).stack
     script = read_script(config)
     script.check(stack)
     out.mkdir(parents=True, exist_ok=True)
