@@ -30,7 +30,8 @@ from tp_controller.robot import (
     robot_bodies,
     urdf_robot,
 )
-from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
+from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS, robot_links
+from tp_controller.robot.srdf import SRDF, disabled_pairs
 from tp_controller.solvers import SOLVER_TYPES, Inverse
 from tp_controller.stack import Stack, split_hierarchy
 from tp_controller.tasks import TASK_TYPES, Task
@@ -167,7 +168,12 @@ def build_robot(values: Flat, received: str | None = None) -> Robot:
 
 
 def _clad(robot: Robot, description: str | None, values: Flat) -> Robot:
-    """Let a robot know the shapes of its links; meshes are read when a task needs them."""
+    """Let a robot know the shapes of its links; meshes are read when a task needs them.
+
+    Which pairs of them are never looked at is known at once.
+    """
+    if values[SRDF] is not None:
+        robot.disabled_pairs = disabled_pairs(values[SRDF], robot_links(robot))
     capsules = {
         key.removeprefix(CAPSULES): values[key] for key in values if key.startswith(CAPSULES)
     }

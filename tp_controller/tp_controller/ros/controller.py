@@ -234,6 +234,9 @@ class ControllerNode(RobotNode):
 
     def _watch(self) -> None:
         """Bring the robot to rest when joint states stop, and show that the node lives."""
+        for task in self._stack.tasks.values():
+            for notice in task.take_notices():
+                self._warn(f'{task.name} contact', notice)
         now = time.monotonic()
         state = self._state.msg
         if state.status == ControllerState.RUNNING:

@@ -144,6 +144,10 @@ class Task(ABC):
             f'{0.5 * rate:g} with limits of acceleration',
         )
 
+    def take_notices(self) -> list[str]:
+        """What a user should know that was found in steps, one line each; each told once."""
+        return []
+
     def _gain_share(self, K: Matrix) -> float:
         """Largest eigenvalue of a gain matrix (k, k) times the period, ``K·dt``.
 
