@@ -82,7 +82,9 @@ def test_a_new_target_moves_the_obstacle():
 @given(states(4), st.lists(vectors(4, 1), min_size=1, max_size=6))
 @examples(30)
 def test_a_probe_tells_distances_and_changes_nothing(q, ways):
-    stack = stack_of({'wall': SHAPES['box'], 'self': {'type': 'self_collision'}})
+    stack = stack_of(
+        {'wall': SHAPES['box'], 'self': {'type': 'self_collision', 'push_apart': True}}
+    )
     stack.step(q)
     for task in (stack.tasks['wall'], stack.tasks['self']):
         stack.robot.update(q)

@@ -106,6 +106,11 @@ class Guard:
         """Names of the tasks whose distances are looked at."""
         return tuple(task.name for task, _ in self._tasks)
 
+    def know_period(self, period: float) -> None:
+        """Take over the time [s] of one step, which was unknown so far."""
+        self.period = period
+        self._limits = None
+
     def rest(self) -> None:
         """Go on from standstill."""
         self._before[:] = self._past[:] = 0.0

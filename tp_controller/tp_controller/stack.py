@@ -320,6 +320,18 @@ class Stack:
         np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
 
+    def know_period(self, period: float) -> None:
+        """Take over the time [s] of one step, which was unknown so far."""
+        self.guard.know_period(period)
+        self.guard.watch(self._kept())
+        for task in self.tasks.values():
+            task.know_period(period)
+
+    def stay(self) -> None:
+        """Turn the command of the last step into rest, for an arm that has not moved yet."""
+        self._qd[:] = self._achieved[:] = 0.0
+        self.guard.rest()
+
     def rest(self) -> None:
         """Go on from standstill: the last command was not carried out."""
         self.guard.rest()

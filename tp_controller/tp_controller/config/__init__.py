@@ -7,6 +7,7 @@ from tp_controller.config.build import (
     build_settings,
     build_stack,
     describe_robot,
+    know_rate,
     read_parameters,
 )
 from tp_controller.config.changes import check_changes
@@ -33,6 +34,7 @@ __all__ = [
     'check_removal',
     'controller_schema',
     'describe_robot',
+    'know_rate',
     'read_blocks',
     'read_parameter_file',
     'read_parameters',

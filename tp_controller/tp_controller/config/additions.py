@@ -27,6 +27,12 @@ class Addition(NamedTuple):
     limits: Limits
     """Limits of the robot that it was made for."""
 
+    @property
+    def up_to_date(self) -> bool:
+        """Whether limits and period are still those that the task was made for."""
+        stack = self.settings.stack
+        return self.limits is stack.robot.limits and self.task.period == stack.guard.period
+
     def check(self, level: int) -> tuple[str, ...]:
         """Levels with the task among them.
 

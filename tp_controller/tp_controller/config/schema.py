@@ -19,6 +19,7 @@ from tp_controller.parameters import (
 )
 from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
 from tp_controller.robot.dh import CONVENTIONS, JOINT_TYPES
+from tp_controller.robot.srdf import SRDF
 from tp_controller.solvers import DEFAULT, INVERSES, SATURATIONS, SOLVER_TYPES
 from tp_controller.tasks import COMMON, TASK_TYPES
 
@@ -36,6 +37,11 @@ SHARED: Mapping[str, Parameter] = {
     ),
     'robot.urdf': Parameter(
         TEXT, 'Description in place of dh: a path, or package://<package>/<path>'
+    ),
+    SRDF: Parameter(
+        TEXT,
+        'SRDF whose disable_collisions self_collision leaves out: a path, or '
+        'package://<package>/<path>',
     ),
     'robot_description': Parameter(
         TEXT, 'URDF in place of both; without any of the three, taken from the topic of that name'
@@ -134,8 +140,8 @@ CONTROLLER: Mapping[str, Parameter] = {
     ),
     'rate': Parameter(
         NUMBER,
-        'Joint states per second [Hz]; position and acceleration limits and set-based tasks '
-        'need it',
+        'Joint states per second [Hz]; position and acceleration limits, those of a URDF too, '
+        'and set-based tasks need it',
         above=0.0,
     ),
     'timeouts.joint_state': Parameter(

@@ -60,7 +60,7 @@ def robot_bodies(
         collision shape that cannot be used.
     """
     given = {}
-    links = _links(robot)
+    links = robot_links(robot)
     for link, values in (capsules or {}).items():
         key = f'{CAPSULES}{link}'
         if link not in links:
@@ -85,7 +85,8 @@ def body_place(robot: Robot, link: str) -> tuple[int, pin.SE3]:
     return frame.parentJoint, frame.placement
 
 
-def _links(robot: Robot) -> tuple[str, ...]:
+def robot_links(robot: Robot) -> tuple[str, ...]:
+    """Names of a robot's links, that of the base included, from the base outwards."""
     if robot.base_frame in robot.frames:
         return robot.frames
     return (robot.base_frame, *robot.frames)

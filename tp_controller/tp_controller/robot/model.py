@@ -95,6 +95,8 @@ class Robot:
         self.base: Frame = Frame.standing(base_frame, self.n)
         """The base frame itself, which never moves."""
         self._lines = lines
+        self.disabled_pairs: frozenset[frozenset[str]] = frozenset()
+        """Pairs of links that need not be kept apart, by name."""
         self.body_source: Callable[[], Mapping[str, tuple[Shape, ...]]] = dict
         """Makes `bodies` when they are first asked for."""
         self.update(self._q)

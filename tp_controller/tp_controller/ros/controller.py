@@ -24,6 +24,7 @@ from tp_controller.config import (
     build_settings,
     check_changes,
     controller_schema,
+    know_rate,
     read_parameters,
 )
 from tp_controller.errors import InvalidValue, UnusableState
@@ -33,6 +34,7 @@ from tp_controller.ros.joint_states import JointStateReader, RateCheck
 from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
 from tp_controller.ros.markers import Markers
 from tp_controller.ros.parameters import ROS_OWN, describe_parameters
+from tp_controller.ros.rate import RateEstimate
 from tp_controller.ros.robot_node import HEARTBEAT, RobotNode
 from tp_controller.ros.state import StateMessage, field_view
 from tp_controller.ros.task_services import TaskServices
@@ -67,7 +69,7 @@ class ControllerNode(RobotNode):
 
     def start(self, given: Mapping[str, Any], description: str | None) -> None:
         """Build the stack of tasks and listen to joint states and goals."""
-        self._settings = build_settings({START: HOLD, **given}, description)
+        self._settings = build_settings({START: HOLD, **given}, description, find_rate=True)
         values = self._settings.values
         self._schema = controller_schema(values)
         describe_parameters(self, self._schema, values)
@@ -95,6 +97,7 @@ class ControllerNode(RobotNode):
         self._warned: dict[str, tuple[str, float]] = {}
         self._last_seen = 0.0
         self._last_heartbeat = 0.0
+        self._rate_estimate = self._find_rate()
 
         self._make_command_publisher(values['command.type'])
         self._inputs: dict[str, list[Subscription]] = {}
@@ -188,6 +191,8 @@ class ControllerNode(RobotNode):
                 self._stack.undo()
             self._stamp = msg.header.stamp
             step = self._stack.step(self._q)
+            if self._rate_estimate:
+                self._wait_for_rate(self._rate_estimate, msg.header.stamp)
             state.solve_time = time.perf_counter() - start
         except InvalidValue as error:
             state.ignored_states += 1
@@ -215,6 +220,30 @@ class ControllerNode(RobotNode):
             self._state.explain(msg.header.stamp)
             self._state_publisher.publish(state)
 
+    def _find_rate(self) -> RateEstimate | None:
+        """Estimate of a rate that the parameters do not tell, if there are ranges to keep."""
+        try:
+            self._stack.robot.limits.check_period(
+                self._stack.robot.joints, self._stack.guard.period
+            )
+        except InvalidValue as error:
+            self._warn('rate', f'{error}: the arm rests until it is found from the joint states')
+            return RateEstimate()
+        return None
+
+    def _wait_for_rate(self, estimate: RateEstimate, stamp: Time) -> None:
+        """Stay at rest for one more joint state, or know the rate from it."""
+        self._stack.stay()
+        rate = estimate.see(stamp)
+        if rate is None:
+            return
+        know_rate(self._settings, rate)
+        self._rate_check, self._rate_estimate = RateCheck(rate), None
+        self._warn('rate', f'rate: {rate:.4g} Hz, found from the joint states; ranges are kept')
+        for task in self._stack.tasks.values():
+            for warning in task.warnings:
+                self.get_logger().warning(warning)
+
     def _send(self, command: np.ndarray, msg: JointState) -> None:
         """Publish a command (n,) that answers a joint state."""
         self._velocity[:] = command
@@ -224,6 +253,9 @@ class ControllerNode(RobotNode):
 
     def _watch(self) -> None:
         """Bring the robot to rest when joint states stop, and show that the node lives."""
+        for task in self._stack.tasks.values():
+            for notice in task.take_notices():
+                self._warn(f'{task.name} contact', notice)
         now = time.monotonic()
         state = self._state.msg
         if state.status == ControllerState.RUNNING:

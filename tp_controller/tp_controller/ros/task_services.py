@@ -124,7 +124,7 @@ class TaskServices:
         parameters = await self._apart(partial(read_task, text))
         for _ in range(TRIES):
             addition = await self._apart(partial(build_addition, self._settings, name, parameters))
-            if addition.limits is self._settings.stack.robot.limits:
+            if addition.up_to_date:
                 return addition
         raise InvalidValue('robot.limits', 'changes all the time', 'a moment without')
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, NoReturn
@@ -49,6 +50,8 @@ COMMON: Mapping[str, Parameter] = {
 
 LARGEST = 1e9
 """Size of a value of a target, feedforward or gain up to which nothing is lost to rounding."""
+OSCILLATING, OVERSHOOTING = 2.0, 1.0
+"""Gains times the period from which on an error grows, or changes its sign, at every step."""
 
 
 class Task(ABC):
@@ -75,6 +78,8 @@ class Task(ABC):
         How its level is inverted, where that differs from the solver's way.
     weight
         Its share in a weighted sum of all tasks.
+    period
+        Time [s] of one step, which gains are judged by; infinite if unknown.
     """
 
     type: ClassVar[str]
@@ -89,6 +94,8 @@ class Task(ABC):
     """Whether the desired velocity is the least one allowed."""
     without: ClassVar[tuple[str, ...]] = ()
     """Common parameters that the kind has no use for."""
+    feeds_back: ClassVar[bool] = True
+    """Whether moving as desired makes the error smaller by as much."""
 
     def __init__(self, name: str, robot: Robot, components: Sequence[str]) -> None:
         self.name = name
@@ -99,6 +106,7 @@ class Task(ABC):
         self.J: Matrix = np.zeros((self.k, robot.n))
         self.inverse = Inverse()
         self.weight = 1.0
+        self.period = math.inf
         self._K: Matrix = np.eye(self.k)
         self._feedforward: Vector = np.zeros(self.k)
         self._target: Vector = np.zeros(0)  # empty before the first one
@@ -125,8 +133,33 @@ class Task(ABC):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a user should know of the settings."""
-        return ()
+        """What a user should know of the settings, one line each."""
+        share = self._gain_share(self._K)
+        if share < OVERSHOOTING:
+            return ()
+        rate = 1.0 / self.period
+        return (
+            f'tasks.{self.name}.gain: {self._K.max():g} at rate {rate:g} has K·dt = {share:.3g}: '
+            f'the error overshoots at every step; the largest sensible gain is {rate:g}, and '
+            f'{0.5 * rate:g} with limits of acceleration',
+        )
+
+    def know_period(self, period: float) -> None:
+        """Take over the time [s] of one step, which was unknown so far."""
+        self.period = period
+
+    def take_notices(self) -> list[str]:
+        """What a user should know that was found in steps, one line each; each told once."""
+        return []
+
+    def _gain_share(self, K: Matrix) -> float:
+        """Largest eigenvalue of a gain matrix (k, k) times the period, ``K·dt``.
+
+        A step leaves the part ``1 - K dt`` of the error, which is larger than before from 2 on.
+        """
+        if not self.feeds_back or not math.isfinite(self.period):
+            return 0.0
+        return float(np.abs(np.linalg.eigvals(K)).max(initial=0.0) * self.period)
 
     def prepare_limits(self, limits: Limits) -> Callable[[], None]:
         """Check limits that the robot is to have.
@@ -236,7 +269,8 @@ class Task(ABC):
         InvalidValue
             For a wrong number of values, one that is not finite, or a gain that drives a
             task away from its target (a negative value; a matrix whose symmetric part
-            has a negative eigenvalue).
+            has a negative eigenvalue; with a period one that makes the error grow from step
+            to step, ``K·dt`` of 2 or more).
         """
         k = self.k
         if len(values) not in (1, k, k * k):
@@ -252,6 +286,13 @@ class Task(ABC):
         if np.linalg.eigvalsh(K + K.T).min() < -1e-9 * np.abs(K).max(initial=0.0):
             raise InvalidValue(
                 'gain', shown(list(values)), 'values of at least 0, or a positive matrix'
+            )
+        if (share := self._gain_share(K)) >= OSCILLATING:
+            rate = 1.0 / self.period
+            raise InvalidValue(
+                'gain',
+                f'{shown(list(values))}, which makes K·dt = {share:.3g} at rate {rate:g}',
+                f'gains below {OSCILLATING * rate:g}; the largest sensible one is {rate:g}',
             )
         return K
 

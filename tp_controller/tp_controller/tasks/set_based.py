@@ -167,7 +167,7 @@ class SetBasedTask(Task):
         self.acting = self.on.copy()
         self.reach = reach
         self._slope: Matrix = np.zeros((self.k, robot.n))
-        self._period, self._switching = period, switching
+        self.period, self._switching = period, switching
         if switching.type not in SWITCHINGS:
             accepts = f'one of {listed(SWITCHINGS)}'
             raise InvalidValue('switching', shown(switching.type), accepts)
@@ -177,6 +177,11 @@ class SetBasedTask(Task):
     def prepare_limits(self, limits: Limits) -> Callable[[], None]:
         """Check limits that the robot is to have; see `Task.prepare_limits`."""
         return partial(self._take, self._thresholds(limits))
+
+    def know_period(self, period: float) -> None:
+        """Take over the time [s] of one step, which was unknown so far."""
+        super().know_period(period)
+        self._take(self._thresholds(self.robot.limits))
 
     def _take(self, thresholds: Thresholds) -> None:
         self.activation, self.release, self.margin = thresholds[:3]
@@ -192,7 +197,7 @@ class SetBasedTask(Task):
         InvalidValue
             As the constructor.
         """
-        switching, period = self._switching, self._period
+        switching, period = self._switching, self.period
         moves = self.reach > 0.0
         velocity = limits.velocity
         # A joint that does not move a row does not count, however fast it is.
@@ -269,16 +274,19 @@ class SetBasedTask(Task):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a user should know of the settings."""
+        """What a user should know of the settings, one line each."""
+        found = super().warnings
         # Thresholds that were left out are exactly what is needed.
         if self.activation >= self._needed * (1.0 - 1e-9):
-            return ()
+            return found
         if self.one_sided:
             return (
+                *found,
                 f'tasks.{self.name}.activation: {self.activation:g} is less than it takes to '
                 f'brake from full speed, {self._needed:.3g}: the arm may be stopped abruptly',
             )
         return (
+            *found,
             f'tasks.{self.name}.activation: {self.activation:g} is less than one step can '
             f'travel, {self._travel:.3g}: the boundary may be crossed',
         )
