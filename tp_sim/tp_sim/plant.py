@@ -120,10 +120,24 @@ class Plant:
         self._state_lost = False
         self._silence = 0.0
         self.settings = PlantSettings()
-        settings = settings or self.settings
-        self.configure(settings)
-        self._seed(settings.seed)
+        self._seed(self.settings.seed)
+        self.configure(settings or self.settings)
         self._rest()
+
+    def check(self, settings: PlantSettings) -> None:
+        """Check settings without taking them.
+
+        Raises
+        ------
+        InvalidValue
+            For a negative or non-finite value, a scale that is not above zero, a loss outside
+            0 to 1 or a wrong number of values.
+        """
+        check_plant(settings)
+        for key in ('lag', 'noise', 'quantum', 'scale'):
+            values = self._spread(settings, key)
+            if key == 'scale' and not np.all(values > 0.0):
+                raise InvalidValue('plant.scale', shown(settings.scale), 'numbers above 0')
 
     def configure(self, settings: PlantSettings) -> None:
         """Be like this from the next step on. A new seed begins the random numbers anew.
@@ -131,22 +145,14 @@ class Plant:
         Raises
         ------
         InvalidValue
-            For a negative or non-finite value, a scale that is not above zero, a loss outside
-            0 to 1 or a wrong number of values; nothing changes then.
+            As `check`; nothing changes then.
         """
-        _check_whole('plant.delay', settings.delay, LONGEST_DELAY)
-        _check_whole('plant.seed', settings.seed)
-        for key in ('command_loss', 'state_loss'):
-            value = getattr(settings, key)
-            if not 0.0 <= value <= 1.0:
-                raise InvalidValue(f'plant.{key}', shown(value), 'a number from 0 to 1')
-        lag, noise, quantum = (self._spread(settings, key) for key in ('lag', 'noise', 'quantum'))
-        scale = self._spread(settings, 'scale')
-        if not np.all(scale > 0.0):
-            raise InvalidValue('plant.scale', shown(settings.scale), 'numbers above 0')
-        self._lag, self._amplitude, self._quantum, self._scale = lag, noise, quantum, scale
-        self._lags, self._noisy = bool(lag.any()), bool(noise.any())
-        self._scaled, self._rounded = bool(np.any(scale != 1.0)), bool(quantum.any())
+        self.check(settings)
+        self._lag, self._amplitude, self._quantum, self._scale = (
+            self._spread(settings, key) for key in ('lag', 'noise', 'quantum', 'scale')
+        )
+        self._lags, self._noisy = bool(self._lag.any()), bool(self._amplitude.any())
+        self._scaled, self._rounded = bool(np.any(self._scale != 1.0)), bool(self._quantum.any())
         if settings.seed != self.settings.seed:
             self._seed(settings.seed)
         self.settings = settings
@@ -269,6 +275,22 @@ class Plant:
         """
         self.joints.reset(q)
         self._rest()
+
+
+def check_plant(settings: PlantSettings) -> None:
+    """Check what can be checked without knowing the number of joints.
+
+    Raises
+    ------
+    InvalidValue
+        For a delay or seed that is not a whole number, or a loss outside 0 to 1.
+    """
+    _check_whole('plant.delay', settings.delay, LONGEST_DELAY)
+    _check_whole('plant.seed', settings.seed)
+    for key in ('command_loss', 'state_loss'):
+        value = getattr(settings, key)
+        if not 0.0 <= value <= 1.0:
+            raise InvalidValue(f'plant.{key}', shown(value), 'a number from 0 to 1')
 
 
 def _check_whole(key: str, value: float, most: int | None = None) -> None:
