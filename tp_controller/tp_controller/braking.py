@@ -142,8 +142,8 @@ def approach(wish, before, acceleration, dt, lower, upper, out):  # type: ignore
         out[i] = min(max(value, lower[i]), upper[i])
 
 
-@njit(float64(float64, float64, float64, COLUMN), cache=True)
-def held_speed(distance, change, dt, held):  # type: ignore[no-untyped-def]
+@njit(float64(float64, float64, float64, float64, COLUMN), cache=True)
+def held_speed(distance, change, dt, period, held):  # type: ignore[no-untyped-def]
     """As `viable_speed` where a command may be held for so many steps more.
 
     A joint that goes on with the fastest of the commands that it may be at, for as long as it
@@ -154,6 +154,8 @@ def held_speed(distance, change, dt, held):  # type: ignore[no-untyped-def]
     ----------
     distance, change, dt
         As `viable_speed`.
+    period
+        Time [s] between commands that are not late; ``dt`` may be longer.
     held
         Largest velocity (h,) towards the end among the commands before the next one that the
         joint may still be at in each of the next steps.
@@ -164,13 +166,15 @@ def held_speed(distance, change, dt, held):  # type: ignore[no-untyped-def]
         return 0.0
     if not math.isfinite(distance):
         return math.inf
-    low, high = 0.0, min(viable_speed(distance, change, dt), distance / (dt * held.size))
+    # Steps that are late are held for no longer than others.
+    span = max(period, dt / held.size)
+    low, high = 0.0, distance / (span * held.size)
     for trial in range(60):
         # The highest first: without faster commands before it is often the answer.
         speed = high if trial == 0 else 0.5 * (low + high)
         way, rest = 0.0, max(speed - change, 0.0)
         for s in range(held.size):
-            way += dt * max(held[s], speed)
+            way += span * max(held[s], speed)
         if rest > 0.0:
             k = math.ceil(rest / change)
             way += dt * (k * rest - 0.5 * k * (k - 1.0) * change)
@@ -192,6 +196,7 @@ def held_speed(distance, change, dt, held):  # type: ignore[no-untyped-def]
         FIXED,
         FIXED,
         float64,
+        float64,
         FIXED,
         COLUMN,
         COLUMN,
@@ -212,6 +217,7 @@ def bound_late(  # type: ignore[no-untyped-def]
     position_max,
     acceleration,
     dt,
+    period,
     noise,
     upper,
     lower,
@@ -233,8 +239,8 @@ def bound_late(  # type: ignore[no-untyped-def]
         range does not come back.
     upper, lower, held_upper, held_lower
         As `tp_controller.following.farthest`; the last two may have no rows.
-    before, speed, position_min, position_max, acceleration, dt
-        As `bound`.
+    before, speed, position_min, position_max, acceleration, dt, period
+        As `bound` and `held_speed`.
     range_lower, range_upper, soon_lower, soon_upper
         Results, as those of `bound`.
     """
@@ -242,8 +248,8 @@ def bound_late(  # type: ignore[no-untyped-def]
         change = acceleration[i] * dt
         above = position_max[i] - upper[i] - ROUNDING
         below = lower[i] - position_min[i] - ROUNDING
-        high = held_speed(above, change, dt, held_upper[:, i].copy())
-        low = -held_speed(below, change, dt, -held_lower[:, i])
+        high = held_speed(above, change, dt, period, held_upper[:, i].copy())
+        low = -held_speed(below, change, dt, period, -held_lower[:, i])
         out = p[i] - position_max[i] - 2.0 * noise[i] - ROUNDING
         if out > 0.0:
             high = -_return_speed(out, speed[i], dt)

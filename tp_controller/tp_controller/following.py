@@ -20,6 +20,9 @@ ROWS = float64[:, ::1]
 SLIVER = 1e-6
 """Times [steps] that differ by less are the same."""
 
+ROUNDING = 1e-9
+"""Movement [rad, m] of a step that may be rounding."""
+
 Z, P, V, V_HIGH, V_LOW, PARTED, FASTEST, Q, CANDIDATE = range(9)
 """Rows of the state: reference configuration, model of the arm's position and velocity, bounds
 on its velocity, by how much it has parted from the model of late, a falling maximum of the
@@ -141,7 +144,8 @@ def farthest(  # type: ignore[no-untyped-def]
     now, times, commands, head, delay, lag, hold, period, state
         As `advance`.
     step
-        Time [s] of a step from now on.
+        Time [s] of a step from now on. Steps that are late by no more than ``hold`` belong to
+        that.
     upper, lower
         Results (n,): the highest and the lowest position that the joints may get to, the
         window of the next command not counted.
@@ -167,8 +171,8 @@ def farthest(  # type: ignore[no-untyped-def]
                 if begun and after > now + s * period - hold + sliver:
                     high, low = max(high, commands[j, i]), min(low, commands[j, i])
             if s < 0:
-                upper[i] += step * high
-                lower[i] += step * low
+                upper[i] += period * high
+                lower[i] += period * low
             else:
                 held_upper[s, i], held_lower[s, i] = high, low
 
@@ -288,7 +292,8 @@ def line(  # type: ignore[no-untyped-def]
     for i in range(n):
         if command[i] != 0.0:
             slowest = max(slowest, math.ceil(abs(command[i]) / (acceleration[i] * step) - 1e-9))
-    future = step * (1.0 + math.ceil(hold / period - SLIVER) + 0.5 * max(slowest - 1.0, 0.0))
+    held = period * (1.0 + math.ceil(hold / period - SLIVER))
+    future = max(step, held) + 0.5 * step * max(slowest - 1.0, 0.0)
     share = 0.0
     for i in range(n):
         share += command[i] * way[i]
@@ -329,9 +334,9 @@ def line(  # type: ignore[no-untyped-def]
                 most, least = max(most, share), min(least, share)
                 for i in range(n):
                     span[i] = max(span[i], abs(commands[j, i] - share * way[i]))
-            ahead, behind = ahead + step * most, behind - step * least
+            ahead, behind = ahead + period * most, behind - period * least
             for i in range(n):
-                tube[i] += step * span[i]
+                tube[i] += period * span[i]
     for i in range(n):
         start[i] -= behind * way[i]
         way[i] *= ahead + behind
@@ -487,7 +492,8 @@ def correct(  # type: ignore[no-untyped-def]
             result[0], result[1] = float(i), share
         if ideal and passed > 0.5 * period:
             moved = (q[i] - state[Q, i]) / passed
-            if abs(moved - before[i]) > slower * abs(before[i]):
+            gap = abs(moved - before[i]) - slower * abs(before[i])
+            if gap * passed > ROUNDING:
                 if moved * before[i] <= 0.0:
                     before[i] = 0.0
                 elif abs(moved) < abs(before[i]):

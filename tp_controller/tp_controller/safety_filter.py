@@ -172,6 +172,7 @@ class SafetyFilter:
                 limits.position_max,
                 self._acceleration,
                 arm.step,
+                self.period,
                 arm.response.noise,
                 arm.upper,
                 arm.lower,
