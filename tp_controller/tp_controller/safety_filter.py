@@ -380,9 +380,12 @@ class SafetyFilter:
         near = [(task, part) for task, part in self._tasks if doubtful[part].any()]
         first, last = np.full((2, doubtful.size), np.inf)
         end = start + way
+        enough = required + self._reach @ (np.abs(way) + tube)
+        enough[~doubtful] = -np.inf
         try:
-            self._probe(near, end, last)
-            self._probe(near, start, first)
+            self._probe(near, end, last, enough)
+            self._probe(near, start, first, enough)
+            first[~doubtful] = last[~doubtful] = np.inf
             # Where the arm is already too near it must not get nearer.
             required = np.minimum(required, first) + self._reach @ tube
             for distance in (first, last):
@@ -396,11 +399,11 @@ class SafetyFilter:
         finally:
             self._robot.update(q)
 
-    def _probe(self, near: Near, q: Vector, out: Vector) -> None:
+    def _probe(self, near: Near, q: Vector, out: Vector, enough: Vector | None = None) -> None:
         """Fill the distances of tasks at a configuration, where the robot stays."""
         self._robot.place(q)
         for task, part in near:
-            task.probe(out[part])
+            task.probe(out[part], None if enough is None else enough[part])
 
     def _mark(self, near: Near) -> None:
         for task, _ in near:
@@ -447,8 +450,12 @@ class SafetyFilter:
         if self._budget <= 0:
             return False
         self._budget -= 1
+        near = [(task, part) for task, part in near if short[part].any()]
+        # Half the way is as long as half of it; other rows are done with.
+        enough = np.where(short, required + 0.5 * most, -np.inf)
         middle, distance = 0.5 * (before + after), np.full(short.size, np.inf)
-        self._probe(near, middle, distance)
+        self._probe(near, middle, distance, enough)
+        distance[~short] = np.inf
         if np.any(distance < required):
             return False
         self._robot.place(before)

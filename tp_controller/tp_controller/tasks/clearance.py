@@ -63,6 +63,6 @@ class ClearanceTask(SetBasedTask):
         self.distance[:] = self.clearance.distance
         self._slope[:] = self.clearance.slope
 
-    def probe(self, out: Vector) -> None:
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distances (k,) at the robot's present configuration to ``out``."""
-        self.clearance.probe(out)
+        self.clearance.probe(out, enough)

@@ -118,7 +118,7 @@ class JointLimitsTask(SetBasedTask):
         self.distance[:] = np.where(below, q - self._lower, self._upper - q)
         self._slope[np.arange(self.k), self._indices] = np.where(below, 1.0, -1.0)
 
-    def probe(self, out: Vector) -> None:
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distances (k,) at the robot's present configuration to ``out``."""
         q = self.robot.q[self._indices]
         np.minimum(q - self._lower, self._upper - q, out=out)

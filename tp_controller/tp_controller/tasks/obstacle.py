@@ -181,7 +181,7 @@ class ObstacleTask(SetBasedTask):
             self._slope,
         )
 
-    def probe(self, out: Vector) -> None:
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distance from the surface at the robot's present configuration to ``out``."""
         way = self.frame.position[self.rows] - self._target
         out[0] = math.sqrt(way @ way) - self.radius

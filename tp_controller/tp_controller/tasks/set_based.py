@@ -54,10 +54,10 @@ MARGIN = 1e-4
 STEPS = 4.0
 """With smooth switching the speed of approach falls with this time constant [steps] or more."""
 
-LATE = 2.0
-"""And longer by so many times the delay, the lag and the hold of the arm."""
 BRAKING = 2.0
 """So many times as long as joints need to stop: the others may need their limits too."""
+LATE = 1.5
+"""And at least so many times the delay, lag and hold of the arm longer than it takes to brake."""
 
 
 class Switching(NamedTuple):
@@ -185,8 +185,10 @@ class SetBasedTask(Task):
             noise = robot.response.noise * (2.0 if robot.response.hold else 1.0)
             margin += float((reach @ noise).max())
         # What is commanded now the arm may still do for a while.
-        slow = LATE * robot.response.late
-        slow += max(STEPS * period, BRAKING * self._braking_time())
+        braking, late = self._braking_time(), robot.response.late
+        slow = max(STEPS * period, BRAKING * braking)
+        if late:
+            slow = max(slow, STEPS * period + LATE * late + 0.5 * braking)
         self._needed = margin + fastest * slow
         if not margin > 0.0:
             raise InvalidValue('margin', shown(margin), 'a number above 0')
@@ -274,10 +276,17 @@ class SetBasedTask(Task):
         """Fill `distance` and its derivative (k, n) at the robot's present configuration."""
 
     @abstractmethod
-    def probe(self, out: Vector) -> None:
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distances (k,) at the robot's present configuration to ``out``.
 
         Nothing of the last update changes.
+
+        Parameters
+        ----------
+        out
+            The distances.
+        enough
+            Of a distance that is larger than this (k,) a lower bound will do.
         """
 
     def mark(self) -> None:

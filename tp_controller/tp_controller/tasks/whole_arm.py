@@ -191,10 +191,10 @@ class WholeArmTask(ClearanceTask):
         self._follow()
         super().measure()
 
-    def probe(self, out: Vector) -> None:
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distances (k,) at the robot's present configuration to ``out``."""
         self._follow()
-        super().probe(out)
+        super().probe(out, enough)
 
     def _follow(self) -> None:
         """Move the obstacle to the target, if that is a new one."""
