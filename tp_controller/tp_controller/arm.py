@@ -20,6 +20,8 @@ SAME = 1e-6
 """Times [steps] that differ by less than this are the same."""
 FALLING = 0.5
 """Time [s] in which the memory of a late cycle fades."""
+FADED = 0.01
+"""Share of a step below which it has faded."""
 LONGEST = 1.0
 """Longest step [s] that bounds are computed for."""
 MEMORY = 0.1
@@ -257,7 +259,7 @@ class Arm:
         else:
             passed = max(elapsed, 0.0)
         fallen = self.step - (self.step - self.period) * min(1.0, self.period / FALLING)
-        if fallen - self.period < SAME * self.period:
+        if fallen - self.period < FADED * self.period:
             fallen = self.period
         self.step = max(self.period, min(passed, LONGEST), fallen)
         self._now += passed
