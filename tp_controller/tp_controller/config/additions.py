@@ -31,7 +31,7 @@ class Addition(NamedTuple):
     def up_to_date(self) -> bool:
         """Whether limits and period are still those that the task was made for."""
         stack = self.settings.stack
-        return self.limits is stack.robot.limits and self.task.period == stack.guard.period
+        return self.limits is stack.robot.limits and self.task.period == stack.safety_filter.period
 
     def check(self, level: int) -> tuple[str, ...]:
         """Levels with the task among them.

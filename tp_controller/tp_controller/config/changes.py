@@ -58,7 +58,7 @@ def check_changes(
     }
     if given:
         limits = stack.robot.limits.replaced(**given)
-        limits.check_period(stack.robot.joints, stack.guard.period)
+        limits.check_period(stack.robot.joints, stack.safety_filter.period)
         _check_slides(stack, limits)
         steps.append(_prepare_limits(stack, limits, given))
         risks += limit_risks(stack.robot.joints, stack.robot.limits, limits)

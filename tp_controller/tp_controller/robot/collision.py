@@ -169,9 +169,18 @@ class Clearance:
             if rows.size:
                 self._fill_slope(rows)
 
-    def probe(self, out: Vector) -> None:
-        """Write what `update` would make of `distance` (k,) to ``out``, and nothing else."""
-        self._measure(self._pair_threshold, out)
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
+        """Write what `update` would make of `distance` (k,) to ``out``, and nothing else.
+
+        Parameters
+        ----------
+        out
+            The distances.
+        enough
+            Distances (k,) [m] that take the place of the thresholds.
+        """
+        threshold = self._pair_threshold if enough is None else enough[self._row_of]
+        self._measure(threshold, out)
 
     def distances(self) -> Vector:
         """Every distance (k,) [m], however far; leaves `distance` and `slope` as they are."""

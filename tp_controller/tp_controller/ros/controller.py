@@ -224,7 +224,7 @@ class ControllerNode(RobotNode):
         """Estimate of a rate that the parameters do not tell, if there are ranges to keep."""
         try:
             self._stack.robot.limits.check_period(
-                self._stack.robot.joints, self._stack.guard.period
+                self._stack.robot.joints, self._stack.safety_filter.period
             )
         except InvalidValue as error:
             self._warn('rate', f'{error}: the arm rests until it is found from the joint states')

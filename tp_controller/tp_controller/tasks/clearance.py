@@ -120,6 +120,6 @@ class ClearanceTask(SetBasedTask):
         if not self._seen:
             self._look_for_contacts()
 
-    def probe(self, out: Vector) -> None:
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distances (k,) at the robot's present configuration to ``out``."""
-        self.clearance.probe(out)
+        self.clearance.probe(out, enough)

@@ -76,6 +76,7 @@ class JointLimitsTask(SetBasedTask):
         self._lower, self._upper = self._range(robot.limits)
         reach = np.eye(robot.n)[indices]
         super().__init__(name, robot, names, reach, period, switching)
+        self._marked = np.zeros(len(names))
 
     @classmethod
     def from_parameters(
@@ -134,10 +135,19 @@ class JointLimitsTask(SetBasedTask):
         self.distance[:] = np.where(below, q - self._lower, self._upper - q)
         self._slope[np.arange(self.k), self._indices] = np.where(below, 1.0, -1.0)
 
-    def probe(self, out: Vector) -> None:
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distances (k,) at the robot's present configuration to ``out``."""
         q = self.robot.q[self._indices]
         np.minimum(q - self._lower, self._upper - q, out=out)
+
+    def mark(self) -> None:
+        """Keep the distances."""
+        self.probe(self._marked)
+
+    def between(self, bend: Vector, out: Vector) -> None:
+        """Write the lesser of the distances at the ends to ``out``: there is none below."""
+        self.probe(out)
+        np.minimum(out, self._marked, out=out)
 
 
 def _ends(key: str, values: Sequence[float] | None, otherwise: Vector) -> Vector:

@@ -167,9 +167,9 @@ class SelfCollisionTask(ClearanceTask):
             self.error[self._waits] = 0.0
             self.J[self._waits] = 0.0
 
-    def probe(self, out: Vector) -> None:
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distances (k,) at the robot's present configuration to ``out``."""
-        super().probe(out)
+        super().probe(out, enough)
         if self._any_waits:
             out[self._loose] = math.inf
 

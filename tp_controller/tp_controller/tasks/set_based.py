@@ -56,6 +56,8 @@ STEPS = 4.0
 
 BRAKING = 2.0
 """So many times as long as joints need to stop: the others may need their limits too."""
+LATE = 1.5
+"""And at least so many times the delay, lag and hold of the arm longer than it takes to brake."""
 
 
 class Switching(NamedTuple):
@@ -197,7 +199,7 @@ class SetBasedTask(Task):
         InvalidValue
             As the constructor.
         """
-        switching, period = self._switching, self.period
+        switching, period, response = self._switching, self.period, self.robot.response
         moves = self.reach > 0.0
         velocity = limits.velocity
         # A joint that does not move a row does not count, however fast it is.
@@ -221,8 +223,15 @@ class SetBasedTask(Task):
             # The second derivative by joints i and j is no larger than the reach of either.
             turning = float(velocity[moves.any(axis=0)].sum()) * period
             margin = MARGIN + (0.5 * travel * turning if self.bends else 0.0)
-        braking = BRAKING * self._braking_time(limits)
-        needed = margin + fastest * max(STEPS * period, braking)
+            # What the safety filter keeps for noise.
+            noise = response.noise * (2.0 if response.hold else 1.0)
+            margin += float((self.reach @ noise).max())
+        # What is commanded now the arm may still do for a while.
+        braking, late = self._braking_time(limits), response.late
+        slow = max(STEPS * period, BRAKING * braking)
+        if late:
+            slow = max(slow, STEPS * period + LATE * late + 0.5 * braking)
+        needed = margin + fastest * slow
         if not margin > 0.0:
             raise InvalidValue('margin', shown(margin), 'a number above 0')
         # Rows that no joint can move never come in; their thresholds only have to make sense.
@@ -310,11 +319,35 @@ class SetBasedTask(Task):
         """Fill `distance` and its derivative (k, n) at the robot's present configuration."""
 
     @abstractmethod
-    def probe(self, out: Vector) -> None:
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distances (k,) at the robot's present configuration to ``out``.
 
         Nothing of the last update changes.
+
+        Parameters
+        ----------
+        out
+            The distances.
+        enough
+            Of a distance that is larger than this (k,) a lower bound will do.
         """
+
+    def mark(self) -> None:
+        """Keep what `between` needs of the robot's present configuration."""
+
+    def between(self, bend: Vector, out: Vector) -> None:
+        """Write lower bounds (k,) of the distances since `mark` to ``out``.
+
+        Parameters
+        ----------
+        bend
+            By how much (k,) a point may leave the straight line between its places, the robot
+            having moved straight from the one configuration to the other.
+        out
+            The bounds; minus infinity where nothing better is known than that no distance
+            changes by more than its reach allows.
+        """
+        out.fill(-math.inf)
 
     def update(self) -> None:
         """Compute `distance`, `error` and `J` at the robot's present configuration."""

@@ -191,10 +191,10 @@ class WholeArmTask(ClearanceTask):
         self._follow()
         super().measure()
 
-    def probe(self, out: Vector) -> None:
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distances (k,) at the robot's present configuration to ``out``."""
         self._follow()
-        super().probe(out)
+        super().probe(out, enough)
 
     def contact_text(self, rows: NDArray[np.intp]) -> str:
         """One line about the rows that are in contact at the first configuration."""
