@@ -57,7 +57,7 @@ def run(stack, plant, steps):
     for _ in range(steps):
         q, qd = plant.measured()
         try:
-            command = stack.step(q, qd=qd).command
+            command = stack.step(q, PERIOD, qd).command
         except UnusableState as error:
             command = error.command
         plant.step(command, PERIOD)
@@ -95,7 +95,7 @@ def test_a_reset_while_moving_is_said_and_answered_by_braking(velocities):
     plant.reset()
     q, qd = plant.measured()
     with pytest.raises(UnusableState, match=r'joint_1 jumped by -\d') as caught:
-        stack.step(q, qd=qd if velocities else None)
+        stack.step(q, PERIOD, qd if velocities else None)
     if velocities:
         np.testing.assert_array_equal(caught.value.command, 0.0)
     else:
@@ -115,7 +115,7 @@ def test_a_position_that_no_joint_can_have_come_to_is_refused_once(position):
     run(stack, plant, 200)
     q, _ = plant.measured()
     with pytest.raises(UnusableState, match='joint_2 jumped') as caught:
-        stack.step(np.add(q, [0.0, position]))
+        stack.step(np.add(q, [0.0, position]), PERIOD)
     assert caught.value.command[0] == pytest.approx(2.0 - CHANGE)
     plant.step(caught.value.command, PERIOD)
     speeds, _ = run(stack, plant, 50)

@@ -139,7 +139,7 @@ class Arm:
     def _allowed_time(self) -> float:
         response = self.response
         slow = 0.5 * float(np.max(response.delay + response.lag))
-        return max(2.0 * self.period, RESPONSE) + slow + response.hold
+        return max(2.0 * self.period, RESPONSE) + slow + 2.0 * response.hold
 
     def _numbers(self) -> tuple[Any, ...]:
         return (
@@ -189,7 +189,8 @@ class Arm:
             Velocities (n,) that the next command may differ from by what acceleration allows.
             Those of joints that do not move as they were commanded are changed to what they do.
         elapsed
-            Time [s] since the state before; the period when left out.
+            Time [s] since the state before. When left out it is the period, and a state of an
+            ideal arm is taken as it is, without judgement.
         qd
             Measured velocities (n,) [rad/s, m/s], used where positions do not tell; None if
             unknown.
@@ -202,7 +203,7 @@ class Arm:
         self._past_state[:], self._past = self._state, self._numbers()
         self.notice = ''
         if not self._known:
-            if np.max(np.abs(q)) > FARTHEST:
+            if self._timed and np.max(np.abs(q)) > FARTHEST:
                 self.notice = f'no joint can be at the position {shown(q)}'
                 return False
             self._start(q, before, qd)
@@ -213,6 +214,9 @@ class Arm:
         passed = self._pass(elapsed)
         response, kernel = self.response, self._kernel
         if response.ideal:
+            if elapsed is None:
+                self._p[:] = self._z[:] = self._q[:] = q
+                return True
             self._p += passed * self._commands[self._head]
         else:
             kernel.advance(

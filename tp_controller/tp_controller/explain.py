@@ -48,7 +48,7 @@ class Explanation(NamedTuple):
     lost_to_saturation: float
     """What the velocity limits cost."""
     lost_to_guard: float
-    """What acceleration limits and the last check of distances cost."""
+    """What acceleration limits and the safety filter cost."""
 
     @property
     def text(self) -> str:

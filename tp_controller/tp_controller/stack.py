@@ -302,7 +302,9 @@ class Stack:
         q
             Measured positions (n,) [rad, m].
         elapsed
-            Time [s] since the state that the last command answered; one period when left out.
+            Time [s] since the state that the last command answered. When left out it is one
+            period, and whether an ideal arm follows is not judged: any configuration may be
+            asked about.
         qd
             Measured velocities (n,) [rad/s, m/s]: the start of an arm that moves already, and
             what counts when positions jump. Zero is taken, and only positions count, when left

@@ -239,21 +239,21 @@ class Watch:
 
     def see(self, q: Vector, command: Vector) -> None:
         """Take note of a configuration and of the command (n,) that answers it."""
-        limits, guard = self._stack.robot.limits, self._stack.safety_filter
+        limits, kept = self._stack.robot.limits, self._stack.safety_filter
         self.steps += 1
         for task in self._sets:
             self.distance = min(self.distance, float(task.distance.min()))
         room = np.minimum(q - limits.position_min, limits.position_max - q)
         self.room = min(self.room, float(room.min()))
         self.speed = max(self.speed, float(np.max(np.abs(command) / limits.velocity)))
-        change = np.abs(command - self._before) / (limits.acceleration * guard.period)
+        change = np.abs(command - self._before) / (limits.acceleration * kept.period)
         self.acceleration = max(self.acceleration, float(change.max()))
         self._before[:] = command
         for i, task in enumerate(self._sets):
             acts = task.acting if task.one_sided else task.on
             self.activations += int(np.count_nonzero(acts & ~self._acted[i]))
             self._acted[i][:] = acts
-        self.braked += bool(guard.stopped_by)
+        self.braked += bool(kept.stopped_by)
 
     def count_goal(self, tasks: Sequence[PositionTask]) -> None:
         """Take note of how near a goal was come to."""
@@ -290,7 +290,7 @@ def _table(name: str, outcomes: dict[str, Outcome]) -> Table:
         ('largest share of a velocity limit', [f'{seen.speed:.6f}' for seen in found]),
         ('largest share of an acceleration limit', [f'{s.acceleration:.6f}' for s in found]),
         ('rows that began to act', [f'{seen.activations:,}' for seen in found]),
-        ('steps that the last check braked', [f'{seen.braked:,}' for seen in found]),
+        ('steps that the safety filter braked', [f'{seen.braked:,}' for seen in found]),
         (f'goals reached within {REACHED:g} m', [f'{s.reached} of {s.goals}' for s in found]),
         ('time per step \\[µs]', [f'{1e6 * seen.seconds / seen.steps:.0f}' for seen in found]),
     ):
