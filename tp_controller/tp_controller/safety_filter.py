@@ -25,6 +25,9 @@ SHARES = (0.5, 0.25, 0.125)
 """How much of a command that cannot be sent is tried, the rest being braking."""
 AT_LIMIT = 1e-9
 """A velocity is at its limit within this share of it."""
+LEEWAY = 1e-3
+"""By how much [m, rad] a distance that is negative may be lower between two samples: with bounds
+alone nothing can be proven of one that must not become smaller at all."""
 PROBES = 40
 """Configurations between two samples that are looked at before a command counts as unsafe."""
 
@@ -116,7 +119,7 @@ class SafetyFilter:
         self._clear = np.minimum(0.1 * np.concatenate([*margins, np.zeros(0)]), CLEAR)
         self._lowest, self._found = self._clear.copy(), self._clear.copy()
         self._past_lowest = self._clear.copy()
-        self._distance, self._required = np.zeros((2, rows))
+        self._distance, self._required, self._leeway = np.zeros((3, rows))
         self._most, self._bend, self._budget = *np.zeros((2, rows)), 0
         self._doubtful = np.zeros(rows, dtype=np.bool_)
         # Noise counts twice where the arm may do something else than the model.
@@ -286,6 +289,7 @@ class SafetyFilter:
         else:
             np.minimum(self._lowest, self._distance, out=self._required)
             np.minimum(self._required, self._clear, out=self._required)
+        np.multiply(LEEWAY, self._distance < self._clear, out=self._leeway)
         together = self._together
         if self._is_safe(q, command):
             return
@@ -350,7 +354,7 @@ class SafetyFilter:
                     return False
                 self._budget = PROBES
                 if straight and not self._between(
-                    near, before, after, known, distance, self._required
+                    near, before, after, known, distance, self._required - self._leeway
                 ):
                     return False
                 np.minimum(self._found, distance, out=self._found)
@@ -405,6 +409,7 @@ class SafetyFilter:
             self._mark(near)
             self._robot.place(end)
             self._budget = PROBES
+            required -= self._leeway
             return self._between(near, start.copy(), end, first, last, required)
         finally:
             self._robot.update(q)

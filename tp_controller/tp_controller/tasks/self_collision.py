@@ -27,7 +27,7 @@ class SelfCollisionTask(ClearanceTask):
     Pairs that are in contact at the first configuration, nearer than what the task keeps, often
     are so always: their shapes are larger than the links, or joined. They are named, and unless
     ``push_apart`` is set their rows ask for nothing before they have been farther apart once.
-    Meanwhile only the last check of a command keeps those that have a gap from touching; those
+    Meanwhile only the safety filter keeps those that have a gap from touching; those
     that overlap are not kept at all, and their distance is infinite.
 
     Parameters
