@@ -10,9 +10,10 @@ from typing import NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from tp_controller.arm import Arm
 from tp_controller.errors import InvalidValue, UnusableState, listed, shown
-from tp_controller.guard import Guard
 from tp_controller.robot import Robot
+from tp_controller.safety_filter import SafetyFilter
 from tp_controller.solvers import Solver
 from tp_controller.tasks import SetBasedTask, Task
 
@@ -43,7 +44,7 @@ class System(NamedTuple):
     answered: Vector
     """Task velocity of the solver's answer (k,)."""
     achieved: Vector
-    """Task velocity of the command (k,), which the guard may have changed."""
+    """Task velocity of the command (k,), which the safety filter may have changed."""
 
 
 class Step(NamedTuple):
@@ -71,13 +72,13 @@ class Stack:
     solver
         Resolves the levels.
     period
-        Time [s] of one step, which limits of position and acceleration and the last check of
-        distances need; infinite if unknown.
+        Time [s] of one step, which limits of position and acceleration and the safety filter
+        need; infinite if unknown.
 
     Raises
     ------
     InvalidValue
-        If the hierarchy is empty, names an unknown task or names one twice; as `Guard`.
+        If the hierarchy is empty, names an unknown task or names one twice; as `SafetyFilter`.
     """
 
     def __init__(
@@ -93,7 +94,7 @@ class Stack:
         self.tasks = {task.name: task for task in tasks}
         self._unaimed = [task for task in self.tasks.values() if task.target_size]
         self._held: list[Task] = []
-        self.guard = Guard(robot, period)
+        self.safety_filter = SafetyFilter(robot, period)
         self._qd, self._wish = np.zeros((2, robot.n))
         self._command = _read_only(self._qd)
         self._members: list[list[Task]] = []
@@ -125,7 +126,7 @@ class Stack:
             task.place(self._J[self._rows[task.name]])
         self._results = tuple(self._result(tasks) for tasks in members)
         self.prepare_solver()
-        self.guard.watch(self._kept())
+        self.safety_filter.watch(self._kept())
 
     def _kept(self) -> Iterator[SetBasedTask]:
         """Tasks whose distances are kept whatever happens: those above all that always act."""
@@ -236,20 +237,41 @@ class Stack:
         rows = self._rows[name]
         return _read_only(self._velocity[rows]), _read_only(self._achieved[rows])
 
-    def step(self, q: Vector) -> Step:
-        """Compute the command at configuration ``q`` (n,) [rad, m].
+    @property
+    def arm(self) -> Arm:
+        """What the arm makes of the commands, and whether it follows them."""
+        return self.safety_filter.arm
 
-        A task without a target takes its value at this configuration as the target.
+    def step(self, q: Vector, elapsed: float | None = None, qd: Vector | None = None) -> Step:
+        """Compute the command that answers a measured state.
+
+        A task without a target takes its value at this configuration as the target. The arm
+        brakes while it does not follow its commands, see `Arm.following` and `Arm.notice`.
+
+        Parameters
+        ----------
+        q
+            Measured positions (n,) [rad, m].
+        elapsed
+            Time [s] since the state that the last command answered; one period when left out.
+        qd
+            Measured velocities (n,) [rad/s, m/s]: the start of an arm that moves already, and
+            what counts when positions jump. Zero is taken, and only positions count, when left
+            out.
 
         Raises
         ------
         UnusableState
-            If no finite command follows from the configuration. If that itself is finite the
-            error has a command: braking.
+            If no finite command follows from the state, or no joint can have moved so. If the
+            positions are finite the error has a command: braking.
         """
         if not np.isfinite(q).all():
             self._refuse(q)
-        self.robot.update(q)
+        if not self.safety_filter.take(q, elapsed, qd):
+            self._wish[:] = 0.0
+            self.safety_filter.brake(self._qd)
+            raise UnusableState(self.arm.notice, self._command)
+        self.robot.update(self.arm.z)
         for task in self._unaimed:
             if task.target is None:
                 task.hold()
@@ -260,24 +282,26 @@ class Stack:
                 for task, velocity in self._parts:
                     task.update()
                     task.desired_velocity(velocity)
-                bounds = self.guard.bounds(self.robot.q)
+                bounds = self.safety_filter.bounds()
                 scale = self.solver.solve(self._J, self._velocity, bounds, self._wish)
         except np.linalg.LinAlgError:
             self._refuse(q)
         if self._unaimed:
             self._unaimed, self._held = [], []
+        if not self.arm.following:
+            self._wish[:] = 0.0
         self._qd[:] = self._wish
-        self.guard.pass_on(self.robot.q, self._qd)
+        self.safety_filter.pass_on(self._qd)
         np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
 
     def rest(self) -> None:
         """Go on from standstill: the last command was not carried out."""
-        self.guard.rest()
+        self.safety_filter.rest()
 
     def undo(self) -> None:
         """Take the last step back: its configuration comes again, no time has passed."""
-        self.guard.undo()
+        self.safety_filter.undo()
 
     def _refuse(self, q: Vector) -> NoReturn:
         self._qd[:] = self._wish[:] = 0.0
@@ -287,8 +311,8 @@ class Stack:
         message = f'no finite command follows from the position {shown(q)}'
         if not np.isfinite(q).all():
             raise UnusableState(message)
-        self.guard.bounds(self.robot.q)
-        self.guard.pass_on(self.robot.q, self._qd)
+        self.safety_filter.bounds()
+        self.safety_filter.pass_on(self._qd)
         raise UnusableState(message, self._command)
 
 

@@ -178,7 +178,7 @@ def run(
     """
     stack = build_settings(values).stack
     goals = [task for task in stack.tasks.values() if isinstance(task, PositionTask)]
-    period = stack.guard.period
+    period = stack.safety_filter.period
     if not math.isfinite(period):
         raise InvalidValue('rate', 'no value', 'a number above 0')
     if not goals:
@@ -239,7 +239,7 @@ class Watch:
 
     def see(self, q: Vector, command: Vector) -> None:
         """Take note of a configuration and of the command (n,) that answers it."""
-        limits, guard = self._stack.robot.limits, self._stack.guard
+        limits, guard = self._stack.robot.limits, self._stack.safety_filter
         self.steps += 1
         for task in self._sets:
             self.distance = min(self.distance, float(task.distance.min()))

@@ -23,6 +23,7 @@ from tp_controller.parameters import Flat, flatten, read_all
 from tp_controller.robot import (
     DHParameters,
     Limits,
+    Response,
     Robot,
     dh_description,
     dh_robot,
@@ -31,6 +32,7 @@ from tp_controller.robot import (
     urdf_robot,
 )
 from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
+from tp_controller.robot.response import KEYS as RESPONSE
 from tp_controller.solvers import SOLVER_TYPES, Inverse
 from tp_controller.stack import Stack, split_hierarchy
 from tp_controller.tasks import TASK_TYPES, Task
@@ -133,6 +135,12 @@ def build_robot(values: Flat, received: str | None = None) -> Robot:
     InvalidValue
         As `describe_robot`; if the description cannot be used.
     """
+    robot = _described(values, received)
+    robot.response = Response.of(robot.n, **{key: values[f'robot.{key}'] for key in RESPONSE})
+    return robot
+
+
+def _described(values: Flat, received: str | None) -> Robot:
     source = robot_source(values)
     if source not in (URDF, DESCRIPTION, None):
         return _clad(dh_robot(*_dh_arm(values)), None, values)

@@ -52,7 +52,7 @@ def check_changes(
     }
     if given:
         limits = stack.robot.limits.replaced(**given)
-        stack.guard.check_limits(limits)
+        stack.safety_filter.check_limits(limits)
         _check_slides(stack, limits)
         steps.append(partial(setattr, stack.robot, 'limits', limits))
     _check_levels(stack, checked)

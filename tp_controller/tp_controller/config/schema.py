@@ -75,6 +75,28 @@ SHARED: Mapping[str, Parameter] = {
         above=0.0,
         runtime=True,
     ),
+    'robot.delay': Parameter(
+        NUMBERS,
+        'Time [s] from a joint state to when the command that answers it acts, one value or one '
+        'per joint; 0 if it acts at once',
+        minimum=0.0,
+    ),
+    'robot.lag': Parameter(
+        NUMBERS,
+        'Time constant [s] with which velocities follow the command, one value or one per joint',
+        minimum=0.0,
+    ),
+    'robot.noise': Parameter(
+        NUMBERS,
+        'Amplitude [rad, m] of the noise in measured positions, one value or one per joint',
+        minimum=0.0,
+    ),
+    'robot.hold': Parameter(
+        NUMBER,
+        'Time [s] for which the arm may go on with a command because the next is late or lost',
+        default=0.0,
+        minimum=0.0,
+    ),
     LINK_RADIUS: Parameter(
         NUMBERS,
         'Radius [m] of capsules along the links, one value or one per joint, in place of the '

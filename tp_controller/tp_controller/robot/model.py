@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.robot.limits import Limits
 from tp_controller.robot.reach import Path, joint_path, path_speeds
+from tp_controller.robot.response import Response
 from tp_controller.robot.shapes import Shape
 
 Vector = NDArray[np.float64]
@@ -78,6 +79,9 @@ class Robot:
         self.n = len(self.joints)
         self.base_frame = base_frame
         self.limits = limits if limits is not None else Limits(self.n)
+        self.response = Response.of(self.n)
+        """What the arm makes of its commands; ideal at first. Tasks and stacks that are made
+        later go by it."""
         self.wrapping = tuple(wrapping) if wrapping is not None else (False,) * self.n
         self._model = model
         self._data = model.createData()

@@ -102,7 +102,7 @@ class StateMessage:
         self.msg.levels = [_level_message(level) for level in explain(self._stack)]
         for entry in self._tasks.values():
             entry.measure()
-        limits = self._stack.guard.active_limits(self._command)
+        limits = self._stack.safety_filter.active_limits(self._command)
         if not self._stack.solver.proven:
             limits.append('the solver: inside all limits, but not proven to be the best answer')
         self.msg.active_limits = limits

@@ -84,7 +84,7 @@ class JointLimitsTask(SetBasedTask):
             )
         reach = np.eye(robot.n)[indices]
         super().__init__(name, robot, names, reach, period, switching)
-        self._indices = indices
+        self._indices, self._marked = indices, np.zeros(len(names))
 
     @classmethod
     def from_parameters(
@@ -122,6 +122,15 @@ class JointLimitsTask(SetBasedTask):
         """Write the distances (k,) at the robot's present configuration to ``out``."""
         q = self.robot.q[self._indices]
         np.minimum(q - self._lower, self._upper - q, out=out)
+
+    def mark(self) -> None:
+        """Keep the distances."""
+        self.probe(self._marked)
+
+    def between(self, bend: Vector, out: Vector) -> None:
+        """Write the lesser of the distances at the ends to ``out``: there is none below."""
+        self.probe(out)
+        np.minimum(out, self._marked, out=out)
 
 
 def _ends(key: str, values: Sequence[float] | None, otherwise: Vector) -> Vector:

@@ -54,6 +54,8 @@ MARGIN = 1e-4
 STEPS = 4.0
 """With smooth switching the speed of approach falls with this time constant [steps] or more."""
 
+LATE = 2.0
+"""And longer by so many times the delay, the lag and the hold of the arm."""
 BRAKING = 2.0
 """So many times as long as joints need to stop: the others may need their limits too."""
 
@@ -179,7 +181,13 @@ class SetBasedTask(Task):
             # The second derivative by joints i and j is no larger than the reach of either.
             turning = float(velocity[moves.any(axis=0)].sum()) * period
             margin = MARGIN + (0.5 * self._travel * turning if self.bends else 0.0)
-        self._needed = margin + fastest * max(STEPS * period, BRAKING * self._braking_time())
+            # What the safety filter keeps for noise.
+            noise = robot.response.noise * (2.0 if robot.response.hold else 1.0)
+            margin += float((reach @ noise).max())
+        # What is commanded now the arm may still do for a while.
+        slow = LATE * robot.response.late
+        slow += max(STEPS * period, BRAKING * self._braking_time())
+        self._needed = margin + fastest * slow
         if not margin > 0.0:
             raise InvalidValue('margin', shown(margin), 'a number above 0')
         # Rows that no joint can move never come in; their thresholds only have to make sense.
@@ -271,6 +279,23 @@ class SetBasedTask(Task):
 
         Nothing of the last update changes.
         """
+
+    def mark(self) -> None:
+        """Keep what `between` needs of the robot's present configuration."""
+
+    def between(self, bend: Vector, out: Vector) -> None:
+        """Write lower bounds (k,) of the distances since `mark` to ``out``.
+
+        Parameters
+        ----------
+        bend
+            By how much (k,) a point may leave the straight line between its places, the robot
+            having moved straight from the one configuration to the other.
+        out
+            The bounds; minus infinity where nothing better is known than that no distance
+            changes by more than its reach allows.
+        """
+        out.fill(-math.inf)
 
     def update(self) -> None:
         """Compute `distance`, `error` and `J` at the robot's present configuration."""
