@@ -8,8 +8,8 @@ from tp_controller import read_parameter_file
 from tp_controller.config import build_robot, describe_robot
 from tp_controller.errors import InvalidValue
 from tp_controller.robot import Limits, dh_robot, read_description, urdf_robot
-from tp_controller.robot.dh import DHParameters
 from tp_controller.robot.description import dh_description
+from tp_controller.robot.dh import DHParameters
 from tp_sim.plant import Plant, PlantSettings
 from tp_sim.rigid_body import RigidBodies, ServoSettings
 from tp_sim.settings import read_simulator_parameters

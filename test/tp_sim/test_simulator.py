@@ -259,7 +259,7 @@ def test_a_blocked_arm_stands_still_and_a_silent_one_moves_unseen(lone_simulator
 
 
 def test_an_end_of_a_range_is_named(lone_simulator):
-    simulator = lone_simulator({**LIMITS, "tp_sim": {"command_timeout": 60.0}})
+    simulator = lone_simulator({**LIMITS, 'tp_sim': {'command_timeout': 60.0}})
     simulator.next_states()
     simulator.command([9.0, 0.0, 0.0])
     simulator.process.wait_for_output('at the end of the range, held by its stop: joint_1')

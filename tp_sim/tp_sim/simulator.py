@@ -114,10 +114,11 @@ class SimulatorNode(RobotNode):
             + (', in lockstep' if values['lockstep'] else '')
         )
 
-    def stop(self) -> None:
-        """Nothing moves once the node is gone."""
+    def stop(self) -> str:
+        """Nothing moves once the node is gone; there is nothing to be said about it."""
         if self.started and self._real_time is not None:
             self._real_time.stop()
+        return ''
 
     def _listen_for(self, command_type: str) -> None:
         """Subscribe to commands of a type."""
