@@ -6,10 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from tp_controller import read_parameter_file
 from tp_controller.errors import InvalidValue
 from tp_controller.robot import Limits
 from tp_sim.integrator import Integrator
 from tp_sim.plant import Plant, PlantSettings
+from tp_sim.rigid_body import RigidBodies
+from tp_sim.settings import build_simulator_settings
 
 DT = 0.01
 speeds = arrays(float, 3, elements=st.floats(-5.0, 5.0))
@@ -197,3 +200,33 @@ def test_settings_that_no_arm_has_are_refused(key, value):
         arm.configure(PlantSettings(**{key: value}))
     assert caught.value.key == f'plant.{key}'
     assert arm.settings == PlantSettings(delay=1)
+
+
+@pytest.mark.parametrize(
+    ('given', 'key'),
+    [
+        ({'plant.delay': 0.5}, 'plant.delay'),
+        ({'plant.state_loss': 1.5}, 'plant.state_loss'),
+        ({'plant.state_loss': 1.0, 'lockstep': True}, 'plant.state_loss'),
+        ({'plant.silent': True, 'lockstep': True}, 'plant.silent'),
+        ({'plant.bandwidth': 50.0}, 'plant.bandwidth'),
+        ({'plant.type': 'rigid'}, 'plant.type'),
+        ({'plant.type': 'rigid_body'}, 'plant.type'),
+        ({'plant.lag': [0.1, 0.1]}, 'plant.lag'),
+    ],
+)
+def test_parameters_that_make_no_arm_are_refused(config, given, key):
+    values = read_parameter_file(config / 'a4_position_joint.yaml', 'tp_sim')
+    with pytest.raises(InvalidValue) as caught:
+        build_simulator_settings(values | given)
+    assert caught.value.key == key
+
+
+def test_the_plant_of_the_parameters(config):
+    values = read_parameter_file(config / 'panda.yaml', 'tp_sim')
+    given = {'plant.type': 'rigid_body', 'plant.delay': 2, 'plant.noise': 1e-3}
+    arm = build_simulator_settings(values | given).plant
+    assert isinstance(arm.joints, RigidBodies)
+    assert (arm.settings.delay, arm.settings.noise) == (2, (1e-3,))
+    ideal = build_simulator_settings(values)
+    assert ideal.plant.joints is ideal.integrator

@@ -27,7 +27,7 @@ INERTIA = 0.1 + 2.0 * 0.5**2
 
 def pendulum(urdf_effort=0.0, q=0.0, text=PENDULUM, **settings):
     text = text.format(effort=urdf_effort)
-    settings = {'rotor_inertia': 0.0, **settings}
+    settings = {'rotor_inertia': 0.0, 'bandwidth': 100.0, **settings}
     return RigidBodies(urdf_robot(text), text, [q], ServoSettings(**settings))
 
 
@@ -118,12 +118,14 @@ def test_real_arms_follow_without_tuning(config, name, friction):
     joints = arm(config, name, viscous_friction=friction, coulomb_friction=friction)
     speed = 0.3 * joints.limits.velocity
     trace = []
-    for command in [speed] * 100 + [np.zeros_like(speed)] * 100:
-        joints.step(command, 0.005)
+    # A tenth of a second to get fast: the wrists of the UR5 have no more torque than for that.
+    ramp = np.minimum(1.0, np.arange(1, 101) / 20)
+    for share in np.concatenate([ramp, 1.0 - ramp]):
+        joints.step(share * speed, 0.005)
         trace.append(joints.qd / speed)
     trace = np.array(trace)
     assert np.all(trace[60:100] > 0.9)
-    assert trace.max() < 1.15
+    assert trace.max() < 1.1
     assert np.abs(trace[160:]).max() < 0.05
     behind = (0.5 * speed - (joints.q - arm(config, name).q)) / speed
     assert np.abs(behind).max() < 0.05

@@ -30,7 +30,7 @@ STICKING = 1e-3
 class ServoSettings(NamedTuple):
     """Motors, their servos and the friction of rigid-body joints."""
 
-    bandwidth: float = 100.0
+    bandwidth: float = 300.0
     """Rate [1/s] at which a joint alone approaches the commanded velocity."""
     integral: float | None = None
     """Rate [1/s] of the integral part; a tenth of the bandwidth if there is friction, else

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,6 +13,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter as RosParameter
+from rclpy.qos import ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool
@@ -23,6 +25,7 @@ from tp_controller.ros.parameters import ROS_OWN, describe_parameters
 from tp_controller.ros.robot_node import TOPIC, TOPIC_QOS, RobotNode
 from tp_interfaces.srv import Reset, Step
 from tp_sim.lockstep import Lockstep
+from tp_sim.real_time import Polled, RealTime, take
 from tp_sim.settings import (
     build_simulator_settings,
     check_plant_values,
@@ -32,10 +35,6 @@ from tp_sim.settings import (
 )
 
 QUEUE_DEPTH = 100
-LONGEST_GAP = 1.0
-"""Time [s] that is caught up at most when the simulator itself was late."""
-SILENCE = 10.0
-"""Least time [s] between two warnings that the machine is too slow."""
 MESSAGE_TYPES = dict(zip(COMMAND_TYPES, (JointState, Float64MultiArray), strict=True))
 TOPIC_TYPES = {
     'joint_state': 'sensor_msgs/msg/JointState',
@@ -46,9 +45,9 @@ TOPIC_TYPES = {
 class SimulatorNode(RobotNode):
     """Integrates joint velocity commands and publishes joint states.
 
-    In real time the joints move as much as the steady clock: steps that came late are caught up
-    with the command in force, and only the newest state is published. What is more than a second
-    late is left out. Both are said in the log.
+    In real time every step takes the newest command that has come. The joints move with the
+    steady clock: steps that came late are caught up, with one command and one published state,
+    those of the end. See `RealTime`.
     """
 
     def __init__(self) -> None:
@@ -85,16 +84,16 @@ class SimulatorNode(RobotNode):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._publisher = self.create_publisher(JointState, 'joint_states', QUEUE_DEPTH)
         self._truth = self.create_publisher(JointState, '~/true_joint_states', QUEUE_DEPTH)
-        # A command in lockstep is an answer, none may be missed; else the newest one counts.
-        self._queue_depth = QUEUE_DEPTH if values['lockstep'] else 1
+        # Held by whoever uses the plant, or changes what `RealTime`'s thread does.
+        self._lock = threading.Lock()
         self._listen_for(values['command.type'] or COMMAND_TYPES[0])
-        if values['command.type'] is None:
-            self.create_timer(0.1, self._follow_command_type, clock=steady)
+        self.create_timer(0.1, self._look_at_publishers, clock=steady)
         self.create_service(Reset, '~/reset', self._on_reset)
         # The other callbacks, another step among them, go on while a run is awaited.
         self.create_service(Step, '~/step', self._on_step, callback_group=ReentrantCallbackGroup())
         self.create_service(SetBool, '~/pause', self._on_pause)
         self._lockstep: Lockstep | None = None
+        self._real_time: RealTime | None = None
         if values['lockstep']:
             self._lockstep = Lockstep(
                 self,
@@ -106,10 +105,8 @@ class SimulatorNode(RobotNode):
             )
             self.create_timer(0.1, self._repeat, clock=steady)
         else:
-            self._steps = self._late = 0
-            self._began = time.monotonic()
-            self._warned = -SILENCE
-            self.create_timer(self._dt, self._tick, clock=steady)
+            self._real_time = RealTime(self._dt, self._steps, self.get_logger().warning)
+            self.create_timer(0.1, self._real_time.check, clock=steady)
         self.add_on_set_parameters_callback(self._check_changes)
         self.add_post_set_parameters_callback(self._change)
         self.get_logger().info(
@@ -117,30 +114,41 @@ class SimulatorNode(RobotNode):
             + (', in lockstep' if values['lockstep'] else '')
         )
 
-    def stop(self) -> None:
-        """Nothing moves once the node is gone."""
+    def stop(self) -> str:
+        """Nothing moves once the node is gone; there is nothing to be said about it."""
+        if self.started and self._real_time is not None:
+            self._real_time.stop()
+        return ''
 
     def _listen_for(self, command_type: str) -> None:
         """Subscribe to commands of a type."""
         self._stamped = command_type == 'joint_state'
+        in_lockstep = self._values['lockstep']
+        # A command in lockstep is an answer, none may be missed; else the newest one counts.
         self._subscription = self.create_subscription(
             MESSAGE_TYPES[command_type],
             'joint_velocity_command',
             self._on_command,
-            self._queue_depth,
+            QUEUE_DEPTH if in_lockstep else 1,
+            callback_group=None if in_lockstep else Polled(),
         )
 
-    def _follow_command_type(self) -> None:
-        """Change to the type of command that is published, if it is the other one."""
-        found = {
-            info.topic_type
-            for info in self.get_publishers_info_by_topic(self._subscription.topic_name)
-        }
+    def _look_at_publishers(self) -> None:
+        """Follow the type of command that is published, and tell commands that are not heard."""
+        infos = self.get_publishers_info_by_topic(self._subscription.topic_name)
+        if any(info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for info in infos):
+            self.get_logger().warning(
+                'commands are published as best effort, which is not heard: reliable is', once=True
+            )
+        if self._values['command.type'] is not None:
+            return
+        found = {info.topic_type for info in infos}
         for command_type, name in TOPIC_TYPES.items():
             if found == {name} and (command_type == 'joint_state') != self._stamped:
                 self.get_logger().info(f'commands come as {name}')
-                self.destroy_subscription(self._subscription)
-                self._listen_for(command_type)
+                with self._lock:
+                    self.destroy_subscription(self._subscription)
+                    self._listen_for(command_type)
 
     def _check_changes(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
         try:
@@ -168,9 +176,10 @@ class SimulatorNode(RobotNode):
     def _change(self, parameters: Sequence[RosParameter]) -> None:
         if all(p.name.startswith(ROS_OWN) for p in parameters):
             return
-        self._values = self._changed(parameters)
-        self._plant.configure(plant_settings(self._values))
-        self._plant.blocked = self._values['plant.blocked']
+        with self._lock:
+            self._values = self._changed(parameters)
+            self._plant.configure(plant_settings(self._values))
+            self._plant.blocked = self._values['plant.blocked']
 
     def _publish(self, nanoseconds: int) -> None:
         stamp = self._msg.header.stamp
@@ -206,27 +215,17 @@ class SimulatorNode(RobotNode):
                 throttle_duration_sec=1.0,
             )
 
-    def _tick(self) -> None:
-        """Move in real time."""
-        now = time.monotonic()
-        due = int((now - self._began) / self._dt) - self._steps
-        if due * self._dt > LONGEST_GAP:
-            left_out = due - int(LONGEST_GAP / self._dt)
-            self.get_logger().warning(f'late: {left_out * self._dt:.3g} s are left out')
-            self._steps += left_out
-            due -= left_out
-        for _ in range(due):
-            self._move()
-        self._steps += due
-        self._late += max(0, due - 1)
-        if self._late and now - self._warned > SILENCE:
-            self.get_logger().warning(
-                f'late: {self._late} steps of {1e3 * self._dt:.3g} ms were caught up since the '
-                'last such line; the machine is busy, or the rate is too high for it'
-            )
-            self._late, self._warned = 0, now
-        if due > 0:
-            self._publish(self.get_clock().now().nanoseconds)
+    def _steps(self, count: int, end: float) -> None:
+        """Take steps in real time, up to an end [s] by the steady clock."""
+        with self._lock:
+            msg = take(self._subscription)
+            if msg is not None:
+                self._on_command(msg)
+            for _ in range(count):
+                self._move()
+            # The time of the state, not of its publication.
+            late = round(1e9 * (time.monotonic() - end))
+            self._publish(self.get_clock().now().nanoseconds - late)
 
     def _repeat(self) -> None:
         """Publish an unanswered state again for a controller that came after it.
@@ -264,22 +263,26 @@ class SimulatorNode(RobotNode):
 
     def _on_reset(self, request: Reset.Request, response: Reset.Response) -> Reset.Response:
         try:
-            self._reset(list(request.name), np.array(request.position))
+            with self._lock:
+                self._reset(list(request.name), np.array(request.position))
         except InvalidValue as error:
             response.message = str(error)
             return response
-        self._command[:] = 0.0
-        self._fresh = False
-        self._at_end = self._find_ends()
         if self._lockstep is not None:
             self._lockstep.jumped()
         response.success = True
         return response
 
     def _reset(self, names: list[str], positions: np.ndarray) -> None:
-        if not names and not positions.size:
+        if names or positions.size:
+            self._plant.reset(self._with(names, positions))
+        else:
             self._plant.reset()
-            return
+        self._fresh = False
+        self._at_end = self._find_ends()
+
+    def _with(self, names: list[str], positions: np.ndarray) -> np.ndarray:
+        """Present positions (n,) with some of them replaced."""
         known = all(name in self._joints for name in names)
         if not known or len(set(names)) != len(names) or len(names) != positions.size:
             raise InvalidValue(
@@ -289,7 +292,7 @@ class SimulatorNode(RobotNode):
             )
         q = self._plant.q
         q[[self._joints.index(name) for name in names]] = positions
-        self._plant.reset(q)
+        return q
 
     async def _on_step(self, request: Step.Request, response: Step.Response) -> Step.Response:
         if self._lockstep is None:
