@@ -115,6 +115,26 @@ class Guard:
         self._before[:], self._lowest[:] = self._past, self._past_lowest
         self._together = self._past_together
 
+    def brake(self, command: Vector) -> None:
+        """Write the next velocities (n,) of braking to rest to ``command``, without a state.
+
+        Inside the acceleration limit, as the last check found it safe; zero without one.
+        """
+        self._speed[:] = 0.0
+        if self._limits is not None and not self._plain:
+            self._braking.coast(
+                self._before,
+                self._robot.limits.acceleration,
+                self.period,
+                self._together,
+                1,
+                self._way,
+                self._speed,
+            )
+        self._before[:] = command[:] = self._speed
+        self._past[:], self._past_lowest[:] = self._before, self._lowest
+        self._past_together = self._together
+
     def bounds(self, q: Vector) -> Bounds:
         """Bounds on the next velocities at configuration ``q`` (n,) [rad, m].
 

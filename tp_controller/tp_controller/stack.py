@@ -271,6 +271,12 @@ class Stack:
         np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
 
+    def brake(self) -> Vector:
+        """Next command (n,) of braking to rest when no configuration comes; a read-only view."""
+        self.guard.brake(self._qd)
+        np.dot(self._J, self._qd, out=self._achieved)
+        return self._command
+
     def rest(self) -> None:
         """Go on from standstill: the last command was not carried out."""
         self.guard.rest()

@@ -90,9 +90,6 @@ class SimulatorNode(RobotNode):
             + (', in lockstep' if values['lockstep'] else '')
         )
 
-    def stop(self) -> None:
-        """Nothing moves once the node is gone."""
-
     def _listen_for(self, command_type: str) -> None:
         """Subscribe to commands of a type."""
         self._stamped = command_type == 'joint_state'
