@@ -21,6 +21,8 @@ from tp_controller.ros.warnings import Warnings
 from tp_controller.stack import Stack
 from tp_interfaces.msg import ControllerState
 
+TRIES = 3
+"""Steps for one command, with newer states each, until it is not late."""
 ZEROS = 10
 """Zero commands that follow braking at once; further ones follow with every sign of life."""
 LONGEST_BRAKING = 1.0
@@ -100,6 +102,7 @@ class Cycle:
         self._unanswered = 0
         self._braked = -math.inf
         self._last_seen = self._looked = time.monotonic()
+        self._refused = 0
         self._awake_since = -math.inf
         self._paused = 0.0
 
@@ -173,7 +176,7 @@ class Cycle:
         start = time.perf_counter()
         scale = state.scale
         passed = 0.0
-        for first in (True, False):
+        for tries_left in range(TRIES - 1, -1, -1):
             again = self._watch.is_resend(arrival)
             elapsed = 0.0 if again else self._elapsed(arrival)
             self._feedforwards.advance(elapsed - passed)
@@ -188,7 +191,7 @@ class Cycle:
             except UnusableState as error:
                 refusal, command = error, error.command
             age = arrival.age + time.monotonic() - arrival.taken
-            if not first or age <= lateness.limit:
+            if age <= lateness.limit or not tries_left:
                 break
             newer = self._choose(self._intake.take())
             if newer is None:
@@ -197,14 +200,11 @@ class Cycle:
             self._unanswered += self._watch.differ(arrival, newer)
             arrival = newer
         age = arrival.age + time.monotonic() - arrival.taken
-        if age > self._limit and state.cycles:
-            # Before the first command the arm is at rest, and much is loaded that is slow.
+        # Before the first command the arm is at rest, and much is loaded that is slow.
+        if age > self._oldest() and state.cycles:
             self._stack.undo()
             self._feedforwards.advance(-passed)
-            state.ignored_states += 1
-            self._warnings.warn(
-                'commands', f'no command: its joint state was {age:.3g} s old by then'
-            )
+            self._too_late(age)
             return False
         if command is not None:
             self._commands.send(command, arrival.msg.header.stamp)
@@ -223,6 +223,22 @@ class Cycle:
             state.status = ControllerState.RUNNING
             self._logger.info('running')
         return True
+
+    def _oldest(self) -> float:
+        """Age [s] of a state whose command may still be sent."""
+        if self._watch.real_time:
+            return min(self._lateness.limit, self._limit)
+        return self._limit
+
+    def _too_late(self, age: float) -> None:
+        """Brake for one step, as there was no time to find a better command."""
+        self._state.ignored_states += 1
+        self._warnings.warn(
+            'commands',
+            f'no command: its joint state was {1e3 * age:.3g} ms old by then',
+        )
+        if self.running and age <= self._limit:
+            self.brake()
 
     def _elapsed(self, arrival: Arrival) -> float:
         """Time [s] since the state that was answered before; since braking if that came after.
@@ -251,6 +267,7 @@ class Cycle:
             if problem:
                 self._warnings.warn('rate', problem)
         self._last_seen = time.monotonic()
+        self._refused = state.ignored_states
 
     # Rest
 
@@ -276,7 +293,8 @@ class Cycle:
             self._rate_check.restart()
         self._state.status = ControllerState.STALE
         self.zeros = 0
-        cause = f'no joint state for {self._limit:g} s'
+        refused = self._state.ignored_states > self._refused
+        cause = f'no {"usable " if refused else ""}joint state for {self._limit:g} s'
         if self._awake_since > self._last_seen:
             cause = f'the process was not scheduled for {self._paused:.3g} s'
         self._warnings.warn('stale', f'{cause}: braking to rest')

@@ -5,6 +5,7 @@ Nothing heavy is imported before `run_node` has taken charge of the signals.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import signal
@@ -20,6 +21,8 @@ CRASHED = 1
 """Exit status after an error that nobody expected."""
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
 """Signals that end the process in a planned way; they would kill it otherwise."""
+PRIORITY = -10
+"""Nice value of a node, where that is permitted: a busy machine then delays it less."""
 FAILURES = 10
 """So many callbacks in a row that fail are too many to go on."""
 
@@ -51,6 +54,7 @@ def run_node(name: str, module: str, node_class: str) -> int:
     int
         Exit status: 0 after a signal, 1 after an error, 2 after a refused configuration.
     """
+    _ask_for_priority()
     for number in SIGNALS:
         # Before the node exists there is nothing to bring to rest.
         _handle(number, lambda *_: os._exit(0))
@@ -85,6 +89,16 @@ def _handle(number: int, handler: Any) -> None:
     """Set a signal's handler; who started the process may have it ignore a hang-up (nohup)."""
     if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
         signal.signal(number, handler)
+
+
+def _ask_for_priority() -> None:
+    """Go before ordinary processes, if the user may; not if a priority was chosen already.
+
+    The threads of the middleware, which start later, do the same.
+    """
+    with contextlib.suppress(OSError):
+        if os.getpriority(os.PRIO_PROCESS, 0) == 0:
+            os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
 
 
 def _spin(name: str, node: Any, stop: _Stop) -> int:

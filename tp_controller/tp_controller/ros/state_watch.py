@@ -202,6 +202,14 @@ class StateWatch:
         return arrival
 
     @property
+    def real_time(self) -> bool:
+        """Whether states are known to come in real time: their stamps run like the steady clock.
+
+        Those of a simulation that waits for its answers do not, and its states do not age.
+        """
+        return self._stamps.steady
+
+    @property
     def _says_nothing(self) -> bool:
         """Whether stamps stay while the states change."""
         return self._constant >= CONSTANT

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
@@ -19,15 +19,31 @@ from tp_controller.ros.state import StateMessage
 from tp_controller.ros.warnings import Warnings
 from tp_controller.tasks import Task
 
-LEAST_PERIOD = 0.005
-"""Least time [s] between two messages of one topic that are taken over, without a rate."""
+LONGEST_PAUSE = 0.005
+"""Time [s] between two messages of one topic that are taken over; a period if shorter."""
+
+
+class _Gate(MutuallyExclusiveCallbackGroup):
+    """Callbacks of one subscription, closed for a moment after each.
+
+    The executor does not wait for the subscription meanwhile, whose newest message stays with
+    the middleware: a flood of messages wakes up nobody.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.opens = -np.inf
+
+    def can_execute(self, entity: Any) -> bool:
+        """Whether the executor may take a message."""
+        return time.monotonic() >= self.opens and bool(super().can_execute(entity))
 
 
 class TaskInputs:
     """Listens to goals and feedforwards.
 
     A message that arrives is put aside only; a later one of the same topic takes its place.
-    `handle` takes them over.
+    `handle` takes them over. Of each topic one message in a period is taken, the newest.
 
     Parameters
     ----------
@@ -64,10 +80,9 @@ class TaskInputs:
         self.feedforwards = FeedforwardOverrides(
             settings.values['timeouts.feedforward'], self._configured
         )
-        self._period = min(period, LEAST_PERIOD)
+        self._pause = min(period, LONGEST_PAUSE)
         self._subscriptions: dict[str, list[Subscription]] = {}
         self._waiting: dict[tuple[str, str], tuple[Callable[[Task, Any], None], Task, Any]] = {}
-        self._handled: dict[tuple[str, str], float] = {}
 
     def robot_seen(self) -> None:
         """Take note that the robot's configuration is known."""
@@ -76,19 +91,27 @@ class TaskInputs:
     def listen(self, task: Task) -> None:
         """Take goals and feedforwards of a task from now on."""
         self._subscriptions[task.name] = [
-            self._node.create_subscription(
-                types[task.type],
-                f'~/{task.name}/{topic}',
-                partial(self._put_aside, (task.name, topic), handler, task),
-                # A newer one takes its place anyway.
-                1,
-            )
+            self._subscribe(types[task.type], task, topic, handler)
             for types, topic, handler in (
                 (GOAL_TYPES, 'goal', self._on_goal),
                 (FEEDFORWARD_TYPES, 'feedforward', self._on_feedforward),
             )
             if task.type in types
         ]
+
+    def _subscribe(
+        self, message_type: type, task: Task, topic: str, handler: Callable[[Task, Any], None]
+    ) -> Subscription:
+        gate = _Gate()
+
+        def put_aside(msg: Any) -> None:
+            gate.opens = time.monotonic() + self._pause
+            self._waiting[task.name, topic] = handler, task, msg
+
+        # Of more than one message a newer one would take the place anyway.
+        return self._node.create_subscription(
+            message_type, f'~/{task.name}/{topic}', put_aside, 1, callback_group=gate
+        )
 
     def forget(self, task: Task) -> None:
         """Let a task's topics be."""
@@ -99,7 +122,7 @@ class TaskInputs:
         self.feedforwards.forget(task)
 
     def handle(self, seconds: float) -> bool:
-        """Take over what waits, until a time is over; of each topic one message in a period.
+        """Take over what waits, until a time [s] is over.
 
         Returns
         -------
@@ -108,13 +131,9 @@ class TaskInputs:
         """
         if not self._waiting:
             return False
-        begin = now = time.monotonic()
-        any_handled = False
+        end = time.monotonic() + seconds
         for key in list(self._waiting):
-            if now - self._handled.get(key, -np.inf) < self._period:
-                continue
             handler, task, msg = self._waiting.pop(key)
-            self._handled[key] = now
             try:
                 handler(task, msg)
             except InvalidValue as error:
@@ -122,14 +141,9 @@ class TaskInputs:
             except Exception as error:
                 # One message must not end the control of the arm.
                 self._reject(task, key[1], f'{type(error).__name__}: {error}')
-            any_handled = True
-            now = time.monotonic()
-            if now - begin >= seconds:
+            if time.monotonic() >= end:
                 break
-        return any_handled
-
-    def _put_aside(self, key: tuple[str, str], handler: Any, task: Task, msg: Any) -> None:
-        self._waiting[key] = handler, task, msg
+        return True
 
     def _on_goal(self, task: Task, msg: Any) -> None:
         task.target = self._reader.target(task, msg)
