@@ -9,6 +9,7 @@ from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -47,6 +48,7 @@ class CommandPublisher:
         else:
             self._msg = Float64MultiArray()
             self.velocity = field_view(self._msg, 'data', robot.n)
+        self._bytes = b''
         self._publisher = node.create_publisher(type(self._msg), TOPIC, QUEUE_DEPTH)
 
     @property
@@ -65,10 +67,19 @@ class CommandPublisher:
             Of the joint state that it answers; None if it answers none. It has the present
             time then: an old stamp could make a driver drop it.
         """
+        self.prepare(command, stamp)
+        self.send_prepared()
+
+    def prepare(self, command: NDArray[np.float64] | float, stamp: Time | None = None) -> None:
+        """Make the message of a command as in `send`, without publishing it."""
         self.velocity[:] = command
         if self._stamped:
             self._msg.header.stamp = stamp or self._node.get_clock().now().to_msg()
-        self._publisher.publish(self._msg)
+        self._bytes = serialize_message(self._msg)
+
+    def send_prepared(self) -> None:
+        """Publish what was prepared; little time passes in between, to be too late in."""
+        self._publisher.publish(self._bytes)
 
     def wait_until_arrived(self) -> None:
         """Give the last command time to arrive."""

@@ -199,6 +199,8 @@ class Cycle:
             self._stack.undo()
             self._unanswered += self._watch.differ(arrival, newer)
             arrival = newer
+        if command is not None:
+            self._commands.prepare(command, arrival.msg.header.stamp)
         age = arrival.age + time.monotonic() - arrival.taken
         # Before the first command the arm is at rest, and much is loaded that is slow.
         if age > self._oldest() and state.cycles:
@@ -207,7 +209,7 @@ class Cycle:
             self._too_late(age)
             return False
         if command is not None:
-            self._commands.send(command, arrival.msg.header.stamp)
+            self._commands.send_prepared()
         state.solve_time = time.perf_counter() - start
         if not again:
             self._watch.answered(arrival)
