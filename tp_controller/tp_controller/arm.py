@@ -148,6 +148,7 @@ class Arm:
             self._head,
             self._known,
             self._doubted,
+            self._blind,
             self.following,
             self.step,
         )
@@ -155,7 +156,7 @@ class Arm:
     def rest(self) -> None:
         """Take the next state as it is, of an arm that stands still."""
         self._now, self._began, self._head = 0.0, 0.0, self._times.size - 1
-        self._known = self._doubted = False
+        self._known = self._doubted = self._blind = False
         self.following = True
         self.notice = ''
         self.step = self.period
@@ -172,6 +173,7 @@ class Arm:
             self._head,
             self._known,
             self._doubted,
+            self._blind,
             self.following,
             self.step,
         ) = self._past
@@ -200,7 +202,7 @@ class Arm:
         bool
             False for a state that cannot be believed; the model then goes on without it.
         """
-        self._past_state[:], self._past = self._state, self._numbers()
+        self.keep()
         self.notice = ''
         if not self._known:
             if self._timed and np.max(np.abs(q)) > FARTHEST:
@@ -212,30 +214,69 @@ class Arm:
             self._z[:] = q
             return True
         passed = self._pass(elapsed)
-        response, kernel = self.response, self._kernel
-        if response.ideal:
-            if elapsed is None:
-                self._p[:] = self._z[:] = self._q[:] = q
-                return True
-            self._p += passed * self._commands[self._head]
+        if self.response.ideal and elapsed is None:
+            self._p[:] = self._z[:] = self._q[:] = q
+            self._blind = False
+            return True
+        self._advance(passed)
+        if self._blind:
+            credible = self._accept(q, before, qd)
         else:
-            kernel.advance(
-                self._now,
-                passed,
-                self._times,
-                self._commands,
-                self._head,
-                response.delay,
-                response.lag,
-                response.hold,
-                self.period,
-                self._state,
-            )
-        credible = self._credible(q, passed, before, qd)
-        if credible:
-            self._correct(q, passed, before)
+            credible = self._credible(q, passed, before, qd)
+            if credible:
+                self._correct(q, passed, before)
         self._refer()
         return credible
+
+    def go_on(self, elapsed: float) -> None:
+        """Let time [s] pass in which no state came.
+
+        What the arm did meanwhile is not known, so that the next state is taken as it is. It
+        is not gone back to before this, see `undo`.
+        """
+        if not (self._known and self._timed):
+            return
+        self.notice, self._blind = '', True
+        self._now += elapsed
+        self._advance(elapsed)
+        self._refer()
+
+    def keep(self) -> None:
+        """Let `undo` lead to the present model."""
+        self._past_state[:], self._past = self._state, self._numbers()
+
+    def _advance(self, passed: float) -> None:
+        """Let the model carry out what was sent, until now."""
+        response = self.response
+        if response.ideal:
+            self._p += passed * self._commands[self._head]
+            return
+        self._kernel.advance(
+            self._now,
+            passed,
+            self._times,
+            self._commands,
+            self._head,
+            response.delay,
+            response.lag,
+            response.hold,
+            self.period,
+            self._state,
+        )
+
+    def _accept(self, q: Vector, before: Vector, qd: Vector | None) -> bool:
+        """Take the first position after a time without states; false if no joint can have it."""
+        if np.max(np.abs(q)) > FARTHEST:
+            self.notice = f'no joint can be at the position {shown(q)}'
+            return False
+        noise = self.response.noise
+        np.clip(self._p, q - noise, q + noise, out=self._p)
+        self._q[:] = self._measured[:] = q
+        self._parted[:] = 0.0
+        if qd is not None and np.isfinite(qd).all():
+            before[:] = _nearer_zero(before, qd)
+        self._began, self._blind = self._now, False
+        return True
 
     @cached_property
     def _kernel(self) -> Any:

@@ -154,8 +154,7 @@ class SafetyFilter:
 
     def take(self, q: Vector, elapsed: float | None = None, qd: Vector | None = None) -> bool:
         """Go on to a measured state; false if it cannot be believed. See `Arm.take`."""
-        self._past[:], self._past_lowest[:] = self._before, self._lowest
-        self._past_together = self._together
+        self._keep()
         return self.arm.take(q, self._before, elapsed, qd)
 
     def bounds(self) -> Bounds:
@@ -255,12 +254,35 @@ class SafetyFilter:
         self._before[:] = command
         self.arm.send(command)
 
-    def brake(self, command: Vector) -> None:
-        """Brake without a state to go by: fill the velocities (n,) to be sent."""
-        self.bounds()
-        self._brake(command)
+    def brake(self, command: Vector, elapsed: float | None = None) -> None:
+        """Brake: fill the velocities (n,) to be sent.
+
+        Parameters
+        ----------
+        command
+            Velocities of the next step of the braking trajectory; zero once that has ended.
+        elapsed
+            Time [s] since the last command if no state came since; `undo` does not go back to
+            before that. Left out, it answers the state that `take` was called for.
+        """
+        if elapsed is not None:
+            self.arm.go_on(elapsed)
+        # At rest nothing is compiled or loaded for it.
+        if self._before.any():
+            self.bounds()
+            self._brake(command)
+        else:
+            command[:] = 0.0
         self._before[:] = command
         self.arm.send(command)
+        if elapsed is not None:
+            self._keep()
+            self.arm.keep()
+
+    def _keep(self) -> None:
+        """Let `undo` lead to the present state."""
+        self._past[:], self._past_lowest[:] = self._before, self._lowest
+        self._past_together = self._together
 
     def _brake(self, command: Vector) -> None:
         """Fill the velocities (n,) of the next step of the braking trajectory."""

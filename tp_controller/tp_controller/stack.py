@@ -358,6 +358,29 @@ class Stack:
         self._qd[:] = self._achieved[:] = 0.0
         self.rest()
 
+    def brake(
+        self, elapsed: float | None, q: Vector | None = None, qd: Vector | None = None
+    ) -> Vector:
+        """Compute the next command of braking to rest.
+
+        Parameters
+        ----------
+        elapsed, q, qd
+            As `step`, for a state that there was no time to answer. Without one, ``elapsed``
+            is the time [s] since the last command.
+
+        Returns
+        -------
+        Vector
+            Joint velocity (n,) [rad/s, m/s]; a read-only view that the next step overwrites.
+        """
+        self._wish[:] = 0.0
+        if q is not None:
+            self.safety_filter.take(q, elapsed, qd)
+        self.safety_filter.brake(self._qd, elapsed if q is None else None)
+        np.dot(self._J, self._qd, out=self._achieved)
+        return self._command
+
     def rest(self) -> None:
         """Go on from standstill: the last command was not carried out."""
         self.safety_filter.rest()

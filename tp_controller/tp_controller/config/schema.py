@@ -168,7 +168,8 @@ CONTROLLER: Mapping[str, Parameter] = {
     ),
     'timeouts.joint_state': Parameter(
         NUMBER,
-        'Time [s] without a joint state after which the command goes to zero',
+        'Age [s] at which a joint state moves nothing; without newer ones the arm is braked '
+        'to rest',
         default=0.1,
         above=0.0,
     ),

@@ -84,6 +84,17 @@ class RobotNode(Node, ABC):
     def show_waiting(self, message: str) -> None:
         """Give a sign of life; called while the node waits for its robot."""
 
+    def work(self) -> None:
+        """Do what may not wait; called after every callback."""
+
+    def survives(self, error: Exception) -> bool:
+        """Whether the node can go on after an exception in one of its callbacks; it says so."""
+        return False
+
+    def stop(self) -> str:
+        """Leave the robot safe, for the end of the process; return what was done about it."""
+        return ''
+
     def begin(self) -> None:
         """Start, or wait for the description of the robot and start then.
 

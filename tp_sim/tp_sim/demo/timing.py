@@ -17,9 +17,9 @@ class Timing(NamedTuple):
     rate: float
     """Cycles per second of the joint states' stamps [Hz]."""
     age: float
-    """Median of the ages of the commands [s]; NaN if they are not told."""
+    """Median of the ages of the commands [s]; NaN if there were none."""
     late_age: float
-    """Age [s] that one command in a hundred exceeds; NaN if it is not told."""
+    """Age [s] that one command in a hundred exceeds; NaN if there were none."""
     period: float
     """Median time [s] between joint states that were answered."""
 
@@ -52,7 +52,7 @@ class Stopwatch:
             return
         self._cycles.append(state.cycles)
         self._stamps.append(stamp_ns(state))
-        self._ages.append(getattr(state, 'command_age', math.nan))
+        self._ages.append(state.command_age)
 
     def __len__(self) -> int:
         return len(self._cycles)
