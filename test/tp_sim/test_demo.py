@@ -57,10 +57,8 @@ def test_a_goal_out_of_reach_gives_status_1(config, tmp_path):
 
 
 def state(cycles, age=0.0, status=ControllerState.RUNNING):
-    msg = ControllerState(cycles=cycles, status=status)
+    msg = ControllerState(cycles=cycles, status=status, command_age=age)
     msg.header.stamp.nanosec = 10_000_000 * cycles
-    if hasattr(msg, 'command_age'):
-        msg.command_age = age
     return msg
 
 
