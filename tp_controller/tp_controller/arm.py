@@ -26,7 +26,7 @@ LONGEST = 1.0
 """Longest step [s] that bounds are computed for."""
 MEMORY = 0.1
 """Least time [s] over which parting from the model is added up."""
-PARTED = 1e-3
+PARTED = 2.5e-3
 """Distance [rad, m] by which a joint may always part from the model."""
 RESPONSE = 0.03
 """Delay and lag [s] that need not be declared for a joint to count as following."""
