@@ -32,9 +32,9 @@ def largest_change(values: dict, q: np.ndarray, steps: int) -> float:
     commands = []
     for _ in range(steps):
         commands.append(stack.step(q).command.copy())
-        q = q + stack.guard.period * commands[-1]
-    after = np.diff(commands[round(1.0 / stack.guard.period) :], axis=0)
-    return float(np.abs(after).max()) / stack.guard.period
+        q = q + stack.safety_filter.period * commands[-1]
+    after = np.diff(commands[round(1.0 / stack.safety_filter.period) :], axis=0)
+    return float(np.abs(after).max()) / stack.safety_filter.period
 
 
 def main() -> None:

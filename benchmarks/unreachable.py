@@ -113,7 +113,7 @@ def chase(name: str, scheme: str, seed: int) -> Ending:
         start = document['tp_sim'].get('initial_positions')
     values = edited(values, {'solver': SCHEMES[scheme]})
     stack = build_settings(values).stack
-    robot, period = stack.robot, stack.guard.period
+    robot, period = stack.robot, stack.safety_filter.period
     limit = robot.limits.velocity
     q = np.array(ELBOWS * 2 if start is None else start, dtype=float)
     task = stack.tasks[arm.task]

@@ -66,8 +66,8 @@ BAD = [
 ]
 
 
-def settings_and_schema():
-    flat = dotted_parameters()
+def settings_and_schema(more=()):
+    flat = dotted_parameters() | dict(more)
     return build_settings(flat), controller_schema(flat)
 
 
@@ -113,7 +113,7 @@ def test_the_refusal_of_a_fixed_parameter_lists_those_that_may_change():
 
 
 def test_both_ends_of_a_range_may_change_together_and_one_alone_is_checked_with_the_other():
-    settings, schema = settings_and_schema()
+    settings, schema = settings_and_schema({'rate': 60.0})
     ends = {'robot.limits.position_min': [5], 'robot.limits.position_max': [6]}
     check_changes(settings, schema, ends)()
     np.testing.assert_array_equal(settings.stack.robot.limits.position_min, [5.0] * 3)

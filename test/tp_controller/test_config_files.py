@@ -2,10 +2,12 @@ from pathlib import Path
 
 import pytest
 import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from planar_config import nested_parameters
 
 from tp_controller import InvalidValue, build_settings, read_parameter_file
-from tp_controller.config import read_blocks
+from tp_controller.config import read_blocks, read_task
 from tp_controller.parameters import flatten
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
@@ -197,3 +199,37 @@ def test_what_ros_would_refuse_is_refused_with_its_key(file_of, line, key, fragm
     assert error.key == key
     for fragment in fragments:
         assert fragment in str(error)
+
+
+YAML_WORDS = st.sampled_from(
+    [
+        '{',
+        '}',
+        '[',
+        ']',
+        ',',
+        ': ',
+        '- ',
+        '\n',
+        ' ',
+        '&a ',
+        '*a',
+        '<<',
+        '? ',
+        '!!set ',
+        '"',
+        'type',
+    ]
+)
+
+
+@given(st.lists(YAML_WORDS | st.text(max_size=3), max_size=60).map(''.join))
+@settings(max_examples=100, deadline=None)
+def test_whatever_text_is_sent_for_a_task_is_read_or_refused(text):
+    try:
+        found = read_task(text)
+    except InvalidValue as error:
+        found = {error.key: str(error)}
+        if '\n' in str(error):
+            found = None
+    assert isinstance(found, dict)

@@ -133,7 +133,7 @@ def test_every_value_reaches_the_object_that_it_is_for():
     assert robot.joints == ('joint_1', 'joint_2', 'joint_3')
     assert robot.base_frame == 'world'
     assert stack.solver.damping == 0.25
-    assert stack.guard.period == 0.02
+    assert stack.safety_filter.period == 0.02
     assert values['command.type'] == 'float64_multi_array'
     assert stack.hierarchy == ('tip + elbow', 'turn', 'place')
     assert list(stack.tasks) == ['tip', 'turn', 'place', 'elbow', 'spare']

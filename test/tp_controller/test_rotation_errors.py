@@ -142,19 +142,18 @@ def test_the_sign_of_a_target_quaternion_does_not_matter(quaternion, q, axes):
     np.testing.assert_array_equal(errors[0], errors[1])
 
 
-@given(nonzero_vectors(4), vectors(3, 3), st.sampled_from(['xy', 'xz', 'yz', 'xyz']))
+@given(nonzero_vectors(4), vectors(3, 3))
 @examples(100)
-def test_an_orientation_error_has_the_chosen_components_of_the_logarithm(quaternion, q, axes):
+def test_an_orientation_error_about_three_axes_is_the_logarithm(quaternion, q):
     robot = wrist()
     robot.update(np.array(q))
-    task = OrientationTask('t', robot, 'link_3', axes)
+    task = OrientationTask('t', robot, 'link_3', 'xyz')
     task.target = quaternion
     task.update()
     R = about('z', q[0]) @ about('y', q[1]) @ about('z', q[2])
     expected = rotation_vector(quaternion_rotation(quaternion) @ R.T)
     if np.linalg.norm(expected) < math.pi - 1e-6:
-        rows = ['xyz'.index(letter) for letter in axes]
-        np.testing.assert_allclose(task.error, expected[rows], atol=1e-7)
+        np.testing.assert_allclose(task.error, expected, atol=1e-7)
 
 
 @pytest.mark.parametrize('axis', 'xyz')

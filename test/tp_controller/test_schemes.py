@@ -243,7 +243,9 @@ def stacks_with_an_objective(draw):
     if kind == 'posture':
         objective['positions'] = draw(states(n)).tolist()
     if kind == 'joint_range':
-        robot['limits'] = {'position_min': [-4.0], 'position_max': [5.0]}
+        robot['limits'] = {'position_min': [-5.0], 'position_max': [6.0]}
+        # So fast that nothing reaches an end in one step.
+        block['rate'] = 1e6
     if kind == 'manipulability':
         objective |= {'frame': f'link_{n}', 'position_axes': 'xy'}
     block['solver'] |= {'type': 'projected_gradient', 'objective': objective}

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
-from small_arms import wrist
+from small_arms import planar_robot, wrist
 
 from tp_controller import InvalidValue
+from tp_controller.robot import Robot
 from tp_controller.tasks import JointTask, OrientationTask, PoseTask, PositionTask
 
 NAN, INF = float('nan'), float('inf')
@@ -69,6 +70,12 @@ REFUSED = [
     ('pose', 'feedforward', [1.0, 1.0, NAN], 'finite numbers'),
     ('joint', 'feedforward', [1.0], '2 values (roll, yaw)'),
     ('joint', 'feedforward', [1.0, INF], 'finite numbers'),
+    ('position', 'target', [1.0, 2.0, 3e9], 'numbers up to 1e+09 in size'),
+    ('pose', 'target', [-1e300, 0.0, 0.0, 0.0, 1.0], 'numbers up to 1e+09 in size'),
+    ('angle', 'target', [1e300], 'numbers up to 1e+09 in size'),
+    ('joint', 'target', [1.0, 3e9], 'numbers up to 1e+09 in size'),
+    ('position', 'feedforward', [0.0, 1e300, 0.0], 'numbers up to 1e+09 in size'),
+    ('joint', 'feedforward', [0.0, -3e9], 'numbers up to 1e+09 in size'),
 ]
 
 
@@ -176,3 +183,16 @@ def test_changes_of_joints_need_one_value_for_each_name_of_the_task(names, chang
     assert 'roll, yaw' in caught.value.accepts
     assert '1 names' not in caught.value.got
     assert '1 values' not in caught.value.got
+
+
+def test_joints_whose_names_begin_with_q_are_no_quaternions():
+    robot = Robot(planar_robot(1.0, 1.0).model, ['q1', 'qx'])
+    task = JointTask('t', robot, ['qx', 'q1'])
+    with pytest.raises(InvalidValue, match='numbers up to 1e'):
+        task.target = [1e300, 0.0]
+
+
+def test_the_size_of_a_quaternion_does_not_count():
+    task = task_of('rotation')
+    task.target = [3e200, 0.0, 0.0, 4e200]
+    np.testing.assert_allclose(task.target, [0.6, 0.0, 0.0, 0.8])

@@ -208,6 +208,11 @@ def test_what_the_description_has_not_is_refused_with_what_it_has(arguments, key
     assert accepts in error.value.accepts
 
 
+def test_a_description_that_is_too_long_is_refused_unread():
+    with pytest.raises(InvalidValue, match='10000008 characters'):
+        urdf_robot(f'<robot/>{" " * 10_000_000}')
+
+
 def test_a_description_in_which_nothing_moves_is_refused():
     with pytest.raises(InvalidValue, match='without a movable joint') as error:
         urdf_robot('<robot name="table"><link name="top"/></robot>')

@@ -11,7 +11,7 @@ from random_stacks import examples, states, vectors
 from small_arms import planar_block
 
 from tp_controller import InvalidValue, build_settings, read_parameter_file
-from tp_controller.config import check_addition
+from tp_controller.config import build_addition
 from tp_controller.tasks import SelfCollisionTask, WholeArmTask
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
@@ -82,7 +82,9 @@ def test_a_new_target_moves_the_obstacle():
 @given(states(4), st.lists(vectors(4, 1), min_size=1, max_size=6))
 @examples(30)
 def test_a_probe_tells_distances_and_changes_nothing(q, ways):
-    stack = stack_of({'wall': SHAPES['box'], 'self': {'type': 'self_collision'}})
+    stack = stack_of(
+        {'wall': SHAPES['box'], 'self': {'type': 'self_collision', 'push_apart': True}}
+    )
     stack.step(q)
     for task in (stack.tasks['wall'], stack.tasks['self']):
         stack.robot.update(q)
@@ -214,11 +216,11 @@ def test_a_mesh_that_is_not_there_matters_to_tasks_that_need_it(tmp_path):
     settings = build_settings(block)
     wall = SPHERE | {'switching': 'hysteresis', 'activation': 0.1}
     with pytest.raises(InvalidValue) as caught:
-        check_addition(settings, 'wall', wall, 0)
+        build_addition(settings, 'wall', wall)
     assert caught.value.key == 'robot.capsules.arm'
     given = {'capsules': {'arm': [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.1]}}
     block['robot'] |= given
-    added = check_addition(build_settings(block), 'wall', wall, 0)
+    added = build_addition(build_settings(block), 'wall', wall)
     assert added.task.components == ('arm',)
 
 

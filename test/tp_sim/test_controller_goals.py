@@ -223,3 +223,16 @@ def test_state_tells_what_every_task_asked_for_and_got(loop):
     assert state.solve_time > 0.0
     assert 0.0 < state.scale <= 1.0
     assert state.header.frame_id == 'base'
+
+
+@pytest.mark.parametrize('size', [2e9, 1e300, -1e300])
+def test_a_feedforward_or_goal_without_bounds_is_refused_with_its_own_cause(loop, size):
+    loop.step(0)
+    before = loop.record.qd[-1].copy()
+    with pytest.raises(GoalRejected, match=r'feedforward rejected: feedforward: got .*up to 1e'):
+        loop.send_feedforward('ee_position', [0.0, size])
+    with pytest.raises(GoalRejected, match=r'goal rejected: goal position: got .*up to 1e'):
+        loop.send_goal('ee_position', [size, 0.0], frame='link_3')
+    loop.send_feedforward('ee_position', [0.0, 0.0])
+    loop.step(0)
+    np.testing.assert_array_equal(loop.record.qd[-1], before)

@@ -21,23 +21,34 @@ def test_order_of_joints_and_extra_joints_do_not_change_the_command(lone_control
     assert controller.state.ignored_states == 0
 
 
-def test_every_state_is_answered_with_its_own_stamp(lone_controller):
+def seen(state):
+    """Joint states that the controller has answered or counted otherwise."""
+    return state.cycles + state.skipped + state.ignored_states
+
+
+def test_the_newest_state_is_answered_with_its_stamp_and_older_ones_are_counted(lone_controller):
     controller = lone_controller()
     controller.ask(START)
     # In bursts that the controller's queue holds, as after a process was not scheduled.
     for burst in range(4):
         for _ in range(50):
             controller.give(START)
-        cycles = 1 + 50 * (burst + 1)
+        count = 1 + 50 * (burst + 1)
         controller.client.wait_for(
-            lambda cycles=cycles: controller.state.cycles == cycles, 'all answers'
+            lambda count=count: seen(controller.state) == count, 'all to be seen'
         )
+        if controller.state.ignored_states == 0:
+            assert controller.state.header.stamp.sec == count
+    cycles = controller.state.cycles
 
     def answered():
         return [c.header.stamp.sec for c in controller.commands if any(c.velocity)]
 
-    controller.client.wait_for(lambda: len(answered()) >= 201, 'all commands')
-    assert answered() == list(range(1, 202))
+    controller.client.wait_for(lambda: len(set(answered())) >= cycles, 'all commands')
+    stamps = [stamp for stamp in answered() if stamp <= count]
+    assert len(stamps) == cycles
+    assert stamps == sorted(set(stamps))
+    assert controller.state.overtaken == 0
 
 
 @pytest.mark.parametrize('speed', [1.0, 0.1])
@@ -96,15 +107,17 @@ def test_a_refused_goal_is_told_even_while_bad_states_are(lone_controller):
         )
 
 
-def test_when_states_stop_the_command_goes_to_zero_once_and_resumes(lone_controller):
+def test_when_states_stop_the_command_goes_to_zero_and_resumes(lone_controller):
     controller = lone_controller()
     assert controller.state.status == ControllerState.WAITING
     before = controller.ask(START)
     client = controller.client
     client.wait_for(lambda: controller.state.status == ControllerState.STALE, 'stale')
     client.spin_for(0.5)
-    assert len(controller.commands) == 2
-    assert list(controller.commands[-1].velocity) == [0.0, 0.0, 0.0]
+    assert any(controller.commands[0].velocity)
+    zeros = controller.commands[1:]
+    assert len(zeros) > 10, 'zero commands are repeated'
+    assert not any(any(command.velocity) for command in zeros)
     assert controller.ask(START) == before
     client.wait_for(lambda: controller.state.status == ControllerState.RUNNING, 'running')
 
@@ -156,9 +169,9 @@ def test_joint_states_that_come_more_slowly_than_the_rate_says_are_warned_of(lon
     for burst in range(5):
         for _ in range(50):
             controller.give(START)
-        cycles = 50 * (burst + 1)
+        count = 50 * (burst + 1)
         controller.client.wait_for(
-            lambda cycles=cycles: controller.state.cycles == cycles, 'all answers'
+            lambda count=count: seen(controller.state) == count, 'all to be seen'
         )
     warning = 'joint states come at 1 Hz, rate is 60: limits of position, acceleration and'
     controller.client.wait_for(lambda: warning in controller.process.output, 'the warning')

@@ -104,7 +104,7 @@ def test_a_description_may_come_late_and_stays(lone_controller, config):
         publisher.publish(String(data=other))
     client.wait_for(lambda: 'ignored' in process.output, 'a warning')
     assert controller.ask([0.0, 0.6, 0.3]) == before
-    assert controller.state.message == ''
+    assert 'waiting' not in controller.state.message
     client.set_parameters('tp_controller', {'hierarchy': ['ee_position']})
     assert process.stop() == 0
     assert process.output.count('another robot_description is ignored') == 1

@@ -1,5 +1,8 @@
 """The simulator node: in real time, in lockstep, at its limits, reset."""
 
+import os
+import signal
+
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState
@@ -9,6 +12,7 @@ from tp_interfaces.srv import Reset, Step
 from tp_sim.harness import (
     Client,
     ClosedLoop,
+    GoalRejected,
     HarnessError,
     NodeProcess,
     PrivateDomain,
@@ -210,4 +214,84 @@ def test_lockstep_with_array_commands_gives_the_same_motion(config):
         with ClosedLoop(config / 'a4_position_joint.yaml', changes) as loop:
             loop.run(2.0)
             ends.append(loop.record.q)
+    assert np.array_equal(ends[0], ends[1])
+
+
+def test_the_plant_of_the_parameters_is_simulated_and_changes_while_running(lone_simulator):
+    simulator = lone_simulator({'tp_sim': {'plant': {'noise': 1e-3, 'scale': [1.0, 2.0, 1.0]}}})
+    truth = simulator.client.collect(JointState, 'tp_sim/true_joint_states')
+    simulator.client.wait_for(lambda: len(truth) > 20, 'true states')
+    measured = np.array([s.position for s in simulator.next_states(20)])
+    assert all(list(state.position) == START for state in truth)
+    wrong = np.abs(measured - np.array([1.0, 2.0, 1.0]) * START)
+    assert 0.0 < wrong.max() <= 1e-3
+    simulator.client.set_parameters('tp_sim', {'plant.noise': 0.0, 'plant.scale': 1.0})
+    simulator.client.wait_for(lambda: list(simulator.states[-1].position) == START, 'no noise')
+    for name, value, reason in [
+        ('plant.delay', 1.5, 'a whole number'),
+        ('plant.state_loss', 1.5, 'from 0 to 1'),
+        ('plant.lag', [0.1, 0.1], '1 value or 3'),
+        ('plant.type', 'rigid_body', 'read-only'),
+    ]:
+        with pytest.raises(GoalRejected, match=reason):
+            simulator.client.set_parameters('tp_sim', {name: value})
+
+
+def test_a_blocked_arm_stands_still_and_a_silent_one_moves_unseen(lone_simulator):
+    simulator = lone_simulator({'tp_sim': {'command_timeout': 60.0}})
+    simulator.command([0.1, 0.0, 0.0])
+    simulator.client.wait_for(
+        lambda: bool(simulator.states) and simulator.states[-1].velocity[0] == 0.1, 'motion'
+    )
+    simulator.client.set_parameters('tp_sim', {'plant.blocked': True})
+    first, *others = simulator.next_states(10)[5:]
+    assert not any(first.velocity)
+    assert all(state.position == first.position for state in others)
+    simulator.client.set_parameters('tp_sim', {'plant.blocked': False, 'plant.silent': True})
+    truth = simulator.client.collect(JointState, 'tp_sim/true_joint_states')
+    simulator.client.wait_for(lambda: len(truth) > 5, 'true states')
+    count = len(simulator.states)
+    before = truth[-1].position[0]
+    simulator.client.wait_for(lambda: truth[-1].position[0] > before + 0.01, 'motion')
+    assert len(simulator.states) == count
+    simulator.client.set_parameters('tp_sim', {'plant.silent': False})
+    assert simulator.next_states()[0].position[0] > before
+
+
+def test_an_end_of_a_range_is_named(lone_simulator):
+    simulator = lone_simulator({**LIMITS, 'tp_sim': {'command_timeout': 60.0}})
+    simulator.next_states()
+    simulator.command([9.0, 0.0, 0.0])
+    simulator.process.wait_for_output('at the end of the range, held by its stop: joint_1')
+
+
+def test_a_stopped_simulator_catches_up(lone_simulator):
+    simulator = lone_simulator({'tp_sim': {'command_timeout': 60.0}})
+    simulator.next_states()
+    simulator.command([0.1, 0.0, 0.0])
+    simulator.client.wait_for(lambda: any(simulator.states[-1].velocity), 'motion')
+    os.kill(simulator.process.pid, signal.SIGSTOP)
+    simulator.client.spin_for(0.5)
+    count = len(simulator.states)
+    os.kill(simulator.process.pid, signal.SIGCONT)
+    simulator.process.wait_for_output('caught up at once')
+    before, after = simulator.states[count - 1], simulator.next_states()[0]
+    gap = after.header.stamp.sec - before.header.stamp.sec
+    gap += 1e-9 * (after.header.stamp.nanosec - before.header.stamp.nanosec)
+    moved = after.position[0] - before.position[0]
+    # To within a period on either side.
+    assert moved / 0.1 == pytest.approx(gap, abs=2.5 / 60.0)
+
+
+def test_in_lockstep_lost_states_are_steps_without_an_answer(config):
+    plant = {'state_loss': 0.5, 'command_loss': 0.3, 'seed': 4}
+    ends = []
+    for _ in range(2):
+        changes = {'tp_sim': {'command_timeout': 1.0, 'plant': plant}}
+        with ClosedLoop(config / 'a4_position_joint.yaml', changes) as loop:
+            loop.run(2.0)
+            record = loop.record
+            ends.append(record.q)
+            assert 40 < len(record.time) < 90
+            assert record.time[-1] == pytest.approx(2.0, abs=1e-6)
     assert np.array_equal(ends[0], ends[1])

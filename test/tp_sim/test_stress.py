@@ -8,9 +8,13 @@ import pytest
 from ament_index_python.packages import get_package_prefix
 
 from tp_controller import InvalidValue, read_parameter_file
+from tp_controller.robot import Limits
 from tp_controller.solvers import SOLVER_TYPES
+from tp_sim import stress
+from tp_sim.integrator import Integrator
+from tp_sim.plant import Plant, PlantSettings
 from tp_sim.settings import build_simulator_settings
-from tp_sim.stress import run
+from tp_sim.stress import declaration, run
 
 STEPS = 6000
 SCHEMES = [name for name in SOLVER_TYPES if name != 'extended_jacobian']
@@ -124,3 +128,57 @@ def test_the_command_prints_a_table_and_its_status_tells(config, tmp_path):
     refused = call('--config', file, '--steps', 500)
     assert (refused.returncode, refused.stdout) == (2, '')
     assert refused.stderr == 'stress: rate: got no value; accepts a number above 0\n'
+
+
+@pytest.mark.parametrize(
+    'given',
+    [{'delay': 2}, {'lag': 0.03}, {'delay': 1, 'noise': 1e-3}, {'command_loss': 0.5}],
+)
+def test_an_arm_that_the_controller_knows_breaks_no_limit_and_one_that_it_does_not_does(
+    config, given
+):
+    values, start = parameters(config / 'b3_pressed.yaml')
+    simulated = read_parameter_file(config / 'b3_pressed.yaml', 'tp_sim')
+    simulated |= {f'plant.{key}': value for key, value in given.items()}
+    told = run(values, start, 1800, 0, None, simulated)
+    assert not told.broken
+    assert told.restless < 0.01
+    assert told.astray == 0
+    assert run(values, start, 1800, 0, None, simulated, declared=False).broken
+
+
+def test_distances_and_ranges_are_those_of_the_true_arm(config):
+    """A wrong scale cannot be told: the controller believes that all is well."""
+    values, start = parameters(config / 'b3_pressed.yaml')
+    simulated = read_parameter_file(config / 'b3_pressed.yaml', 'tp_sim')
+    seen = run(values, start, 1800, 0, None, simulated | {'plant.scale': 0.97})
+    assert seen.least_room < -0.01
+    assert seen.broken
+
+
+def test_what_a_controller_is_told_of_its_arm():
+    lossy = PlantSettings(delay=2, lag=[0.0, 0.1], noise=1e-3, quantum=2e-3, command_loss=0.1)
+    told = declaration(Plant(Integrator([0.0] * 2, Limits(2)), lossy, 0.5), 0.01)
+    assert told == {
+        'robot.delay': [0.02],
+        'robot.lag': [0.0, 0.1],
+        'robot.noise': [2e-3],
+        'robot.hold': pytest.approx(0.09),
+    }
+    assert declaration(Plant(Integrator([0.0], Limits(1))), 0.01) == {}
+
+
+def test_the_table_of_plants_shows_each(config, monkeypatch, capsys):
+    rows = {name: stress.PLANTS[name] for name in ('ideal', 'delay 3')}
+    monkeypatch.setattr(stress, 'PLANTS', rows)
+    monkeypatch.setenv('COLUMNS', '200')
+    file = str(config / 'panda_table.yaml')
+    arguments = ['--plant', 'rigid_body', '--plants', 'table', '--steps', '20', '--undeclared']
+    monkeypatch.setattr('sys.argv', ['stress', '--config', file, *arguments])
+    assert stress.main() in {0, 1}
+    text = capsys.readouterr().out
+    assert 'the controller does not know the arm: 20 steps' in text
+    assert all(name in text for name in rows)
+    monkeypatch.setattr('sys.argv', ['stress', '--config', file, '--command-loss', '2'])
+    assert stress.main() == 2
+    assert 'plant.command_loss: got 2.0; accepts a number from 0 to 1' in capsys.readouterr().err

@@ -109,8 +109,12 @@ def test_a_task_of_the_file_goes_and_another_one_of_its_name_comes(loop):
         ({'parameters': BALL.replace('0.2}', '-0.2}')}, 'tasks.ball.radius: got -0.2'),
         ({'parameters': BALL.replace('link_3', 'hand')}, "tasks.ball.frame: got 'hand'"),
         ({'parameters': '{center: 2001-99-99}'}, 'parameters: got '),
-        ({'parameters': '&a {type: obstacle, b: *a}'}, 'parameters: got a block without end'),
-        ({'parameters': '[' * 5000}, 'parameters: got a block without end'),
+        ({'parameters': '{type: obstacle, type: position}'}, "parameters: got '{type: obstacle"),
+        ({'parameters': '{[a]: 1}'}, "parameters: got '{[a]: 1}': a key that is not a text"),
+        ({'parameters': '&a {type: obstacle, b: *a}'}, 'parameters: got an alias'),
+        ({'parameters': '[' * 5000}, 'parameters: got more than 8 blocks inside each other'),
+        ({'parameters': f'[{"a," * 9000}]'}, 'parameters: got more than 5000 values'),
+        ({'parameters': f'{{type: {"a" * 70000}}}'}, 'parameters: got 70008 characters'),
         ({'name': 'b' * 300}, 'tasks.bbb'),
         ({'level': 9}, 'level: got 9; accepts -1 (idle) or 0 (highest) to 4 (lowest)'),
     ],
@@ -134,3 +138,42 @@ def test_what_cannot_be_removed_is_refused(loop):
     assert 'the only task of the hierarchy' in response.message
     loop.set_parameters({'hierarchy': ['obstacle_1', 'ee_position']})
     assert 'ee_position' in names(loop)
+
+
+def test_what_makes_the_arm_less_safe_is_a_warning(loop):
+    def warnings():
+        return [line for line in loop.controller.output.splitlines() if 'less safe' in line]
+
+    loop.set_parameters({'hierarchy': ['obstacle_1', 'obstacle_2', 'ee_position']})
+    count = len(warnings())
+    loop.set_parameters({'robot.limits.velocity': [5.0]})
+    assert 'robot.limits.velocity is wider: joint_1' in warnings()[-1]
+    assert remove(loop, 'obstacle_1').success
+    assert 'obstacle_1 leaves the hierarchy' in warnings()[-1]
+    assert add(loop, 'first', '{type: posture}', 0).success
+    assert 'obstacle_2 loses priority to first' in warnings()[-1]
+    assert remove(loop, 'first').success
+    loop.set_parameters({'robot.limits.velocity': [1.0]})
+    assert len(warnings()) == count + 3
+
+
+def test_requests_wait_for_each_other_and_a_first_one_reads_meshes(config):
+    text = '{type: obstacle, whole_arm: true, center: [0.5, 0.3, 0.9], radius: 0.1}'
+    with ClosedLoop(config / 'panda.yaml', lockstep=False) as loop:
+        client = loop.client
+        service = client.node.create_client(AddTask, 'tp_controller/add_task')
+        client.wait_for(service.service_is_ready, 'the service')
+        futures = [
+            service.call_async(AddTask.Request(name=name, parameters=text, level=0))
+            for name in ('one', 'two', 'two')
+        ]
+        client.wait_for(lambda: all(future.done() for future in futures), 'the answers')
+        assert [future.result().success for future in futures] == [True, True, False]
+        assert 'a second task of that name' in futures[2].result().message
+
+        def levels():
+            return {task.name: task.level for task in loop.state.tasks}
+
+        # States from before may still come in.
+        wanted = {'two': 0, 'one': 1, 'hand_position': 2}
+        client.wait_for(lambda: wanted.items() <= levels().items(), 'their levels')

@@ -66,6 +66,21 @@ def test_the_frames_of_a_refused_goal_are_listed_once_each(crane):
     assert str(caught.value).endswith("accepts '', floor, tower, arm, boom, hook")
 
 
+def test_a_rate_that_is_left_out_is_found_and_said_before_the_arm_moves(crane):
+    crane['tp_controller']['tasks']['lift'] = {'type': 'joint', 'joints': ['rise'], 'gain': [9.0]}
+    crane['tp_controller']['hierarchy'] = ['lift']
+    with ClosedLoop(crane) as loop:
+        loop.send_goal('lift', [3.0])
+        loop.run(1.0)
+        assert 'rate: 60 Hz, found from the joint states' in loop.state.message
+        loop.run(2.0)
+        record = loop.record
+    assert not record.qd[:10].any()
+    assert 1.39 < record.q[-1, 1] <= 1.4
+    with pytest.raises(HarnessError, match=r'status 2:\ntp_controller: rate: got no value'):
+        ClosedLoop(crane, {'tp_controller': {'robot': {'limits': {'position_max': [1.0]}}}})
+
+
 def test_a_description_that_cannot_be_used_is_refused_by_both_nodes(crane, tmp_path):
     (tmp_path / 'crane.urdf').write_text(ARM.replace('link="tower"', 'link="twoer"', 1))
     with pytest.raises(HarnessError, match=r"status 2:\ntp_\w+: robot\.urdf: got joint 'turn'"):

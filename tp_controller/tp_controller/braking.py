@@ -142,6 +142,128 @@ def approach(wish, before, acceleration, dt, lower, upper, out):  # type: ignore
         out[i] = min(max(value, lower[i]), upper[i])
 
 
+@njit(float64(float64, float64, float64, float64, COLUMN), cache=True)
+def held_speed(distance, change, dt, period, held):  # type: ignore[no-untyped-def]
+    """As `viable_speed` where a command may be held for so many steps more.
+
+    A joint that goes on with the fastest of the commands that it may be at, for as long as it
+    may, and brakes then still stops. From such a speed such a one can be had one step later,
+    whichever command the joint was at.
+
+    Parameters
+    ----------
+    distance, change, dt
+        As `viable_speed`.
+    period
+        Time [s] between commands that are not late; ``dt`` may be longer.
+    held
+        Largest velocity (h,) towards the end among the commands before the next one that the
+        joint may still be at in each of the next steps.
+    """
+    if held.size == 0:
+        return viable_speed(distance, change, dt)
+    if distance <= 0.0:
+        return 0.0
+    if not math.isfinite(distance):
+        return math.inf
+    # Steps that are late are held for no longer than others.
+    span = max(period, dt / held.size)
+    low, high = 0.0, distance / (span * held.size)
+    for trial in range(60):
+        # The highest first: without faster commands before it is often the answer.
+        speed = high if trial == 0 else 0.5 * (low + high)
+        way, rest = 0.0, max(speed - change, 0.0)
+        for s in range(held.size):
+            way += span * max(held[s], speed)
+        if rest > 0.0:
+            k = math.ceil(rest / change)
+            way += dt * (k * rest - 0.5 * k * (k - 1.0) * change)
+        if way > distance:
+            high = speed
+        elif trial == 0:
+            return speed
+        else:
+            low = speed
+    return low
+
+
+@njit(
+    void(
+        COLUMN,
+        COLUMN,
+        FIXED,
+        FIXED,
+        FIXED,
+        FIXED,
+        float64,
+        float64,
+        FIXED,
+        COLUMN,
+        COLUMN,
+        float64[:, ::1],
+        float64[:, ::1],
+        COLUMN,
+        COLUMN,
+        COLUMN,
+        COLUMN,
+    ),
+    cache=True,
+)
+def bound_late(  # type: ignore[no-untyped-def]
+    p,
+    before,
+    speed,
+    position_min,
+    position_max,
+    acceleration,
+    dt,
+    period,
+    noise,
+    upper,
+    lower,
+    held_upper,
+    held_lower,
+    range_lower,
+    range_upper,
+    soon_lower,
+    soon_upper,
+):
+    """As `bound` for joints that are late.
+
+    Parameters
+    ----------
+    p
+        Positions (n,) [rad, m] as far as they are known.
+    noise
+        By how much (n,) these may be wrong; a joint that is less than twice as far outside its
+        range does not come back.
+    upper, lower, held_upper, held_lower
+        As `tp_controller.following.farthest`; the last two may have no rows.
+    before, speed, position_min, position_max, acceleration, dt, period
+        As `bound` and `held_speed`.
+    range_lower, range_upper, soon_lower, soon_upper
+        Results, as those of `bound`.
+    """
+    for i in range(p.size):
+        change = acceleration[i] * dt
+        above = position_max[i] - upper[i] - ROUNDING
+        below = lower[i] - position_min[i] - ROUNDING
+        high = held_speed(above, change, dt, period, held_upper[:, i].copy())
+        low = -held_speed(below, change, dt, period, -held_lower[:, i])
+        out = p[i] - position_max[i] - 2.0 * noise[i] - ROUNDING
+        if out > 0.0:
+            high = -_return_speed(out, speed[i], dt)
+        elif position_min[i] - p[i] - 2.0 * noise[i] - ROUNDING > 0.0:
+            low = _return_speed(position_min[i] - p[i] - 2.0 * noise[i] - ROUNDING, speed[i], dt)
+        range_lower[i], range_upper[i] = min(low, 0.0), max(high, 0.0)
+        low, high = max(low, -speed[i]), min(high, speed[i])
+        if math.isfinite(change):
+            slowest, fastest = before[i] - change, before[i] + change
+            low, high = min(low, fastest), max(high, slowest)
+            low, high = max(low, slowest), min(high, fastest)
+        soon_lower[i], soon_upper[i] = min(low, high), max(low, high)
+
+
 @njit(float64(float64, float64), cache=True)
 def _steps(v, change):  # type: ignore[no-untyped-def]
     """Steps to standstill; rounding does not make one more."""

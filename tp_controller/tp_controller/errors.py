@@ -63,10 +63,13 @@ class UnusableState(TaskPriorityError):
 
 def shown(value: Any, longest: int = 80) -> str:
     """Text of a value for an error message, cut when it is long."""
+    # What is cut away is not put into words before.
     if hasattr(value, 'tolist'):
-        value = value.tolist()
+        value = (value[: longest + 1] if getattr(value, 'ndim', 1) else value).tolist()
+    elif isinstance(value, str | list):
+        value = value[: longest + 1]
     elif isinstance(value, tuple):
-        value = list(value)
+        value = list(value[: longest + 1])
     text = repr(value)
     return text if len(text) <= longest else f'{text[: longest - 3]}...'
 

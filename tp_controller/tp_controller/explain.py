@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -48,7 +48,7 @@ class Explanation(NamedTuple):
     lost_to_saturation: float
     """What the velocity limits cost."""
     lost_to_guard: float
-    """What acceleration limits and the last check of distances cost."""
+    """What acceleration limits and the safety filter cost."""
 
     @property
     def text(self) -> str:
@@ -74,9 +74,14 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
     tuple
         One entry per level; none with a solver that does not resolve levels one by one.
     """
+    return tuple(explanations(stack))
+
+
+def explanations(stack: Stack) -> Iterator[Explanation]:
+    """Explain the last step as `explain`, one level at a time; further steps do not matter."""
     solver = stack.solver
     if not isinstance(solver, RecursiveSolver | HQPSolver):
-        return ()
+        return
     # Loaded by the solver already; at the top it would be loaded to refuse a parameter file.
     from tp_controller.solvers.directions import STILL
 
@@ -85,10 +90,18 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
     free = np.eye(T.shape[0])
     above: list[tuple[str, Matrix]] = []
     ends = np.where(solver.held, 'range', 'limits')
-    found = []
-    rows = zip(solver.groups, solver.shares, solver.rules, stack.systems(), strict=True)
+    stops, scale = solver.stops.copy(), solver.scale
+    rows = list(
+        zip(
+            list(solver.groups),
+            solver.shares.copy(),
+            solver.rules.copy(),
+            stack.systems(),
+            strict=True,
+        )
+    )
     for level, (group, share, (damping, region), system) in enumerate(rows):
-        for joint in np.flatnonzero(solver.stops == level):
+        for joint in np.flatnonzero(stops == level):
             # A joint at its bound takes one direction, from this level on.
             _, _, Vt = np.linalg.svd(T[joint : joint + 1] @ free)
             above.append((f'the {ends[joint]} of {stack.robot.joints[joint]}', Vt[:1] @ free.T))
@@ -105,7 +118,7 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
         U, s = U[:, :rank], s[:rank]
         passed = s * s / (s * s + damping**2 * np.maximum(0.0, 1.0 - (s / region) ** 2))
         # Scaling shortened everything alike after the last level.
-        shortened = answered / solver.scale - answered
+        shortened = answered / scale - answered
         # Of each direction's wish the level got its share, less what damping held back.
         missed = U.T @ (lost - shortened)
         wish = np.zeros(rank)
@@ -117,23 +130,20 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
         reach = _range(J, size)
         reachable = reach @ (reach.T @ blocked)
         name = ' + '.join(task.name for task in group)
-        found.append(
-            Explanation(
-                tuple(task.name for task in group),
-                int(acts.sum()),
-                rank,
-                float(s[-1]) if rank else np.inf,
-                float(np.linalg.norm(lost + guarded)),
-                _shares_of(above, J.T @ reachable, float(np.linalg.norm(reachable))),
-                float(np.linalg.norm(blocked - reachable)),
-                float(np.linalg.norm(damped)),
-                float(np.linalg.norm(saturated)),
-                float(np.linalg.norm(guarded)),
-            )
+        yield Explanation(
+            tuple(task.name for task in group),
+            int(acts.sum()),
+            rank,
+            float(s[-1]) if rank else np.inf,
+            float(np.linalg.norm(lost + guarded)),
+            _shares_of(above, J.T @ reachable, float(np.linalg.norm(reachable))),
+            float(np.linalg.norm(blocked - reachable)),
+            float(np.linalg.norm(damped)),
+            float(np.linalg.norm(saturated)),
+            float(np.linalg.norm(guarded)),
         )
         above.append((name, Vt[:rank] @ free.T))
         free = free @ Vt[rank:].T
-    return tuple(found)
 
 
 def _range(J: Matrix, size: float) -> Matrix:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tp_controller.arm import Arm
 from tp_controller.errors import InvalidValue, UnusableState, listed, shown
-from tp_controller.guard import Guard
-from tp_controller.robot import Robot
+from tp_controller.robot import Limits, Robot
+from tp_controller.safety_filter import SafetyFilter
 from tp_controller.solvers import Curvature, Solver
 from tp_controller.tasks import SetBasedTask, Task
 
@@ -43,7 +44,7 @@ class System(NamedTuple):
     answered: Vector
     """Task velocity of the solver's answer (k,)."""
     achieved: Vector
-    """Task velocity of the command (k,), which the guard may have changed."""
+    """Task velocity of the command (k,), which the safety filter may have changed."""
 
 
 class Step(NamedTuple):
@@ -71,8 +72,8 @@ class Stack:
     solver
         Resolves the levels.
     period
-        Time [s] of one step, which limits of position and acceleration and the last check of
-        distances need; infinite if unknown.
+        Time [s] of one step, which limits of position and acceleration and the safety filter
+        need; infinite if unknown.
     settle
         Whether levels that cannot get what they ask for come to rest, with a solver that can
         do that; else the published laws alone.
@@ -80,7 +81,7 @@ class Stack:
     Raises
     ------
     InvalidValue
-        If the hierarchy is empty, names an unknown task or names one twice; as `Guard`.
+        If the hierarchy is empty, names an unknown task or names one twice; as `SafetyFilter`.
     """
 
     def __init__(
@@ -98,11 +99,16 @@ class Stack:
         self.tasks = {task.name: task for task in tasks}
         self._unaimed = [task for task in self.tasks.values() if task.target_size]
         self._held: list[Task] = []
-        self.guard = Guard(robot, period)
+        self.safety_filter = SafetyFilter(robot, period)
         self._qd, self._wish = np.zeros((2, robot.n))
         self._command = _read_only(self._qd)
         self._members: list[list[Task]] = []
         self.hierarchy = hierarchy
+
+    @property
+    def members(self) -> Sequence[Sequence[Task]]:
+        """Tasks by level, highest first."""
+        return tuple(tuple(tasks) for tasks in self._members)
 
     @property
     def hierarchy(self) -> Sequence[str]:
@@ -112,8 +118,12 @@ class Stack:
     @hierarchy.setter
     def hierarchy(self, hierarchy: Sequence[str]) -> None:
         members = self.check_hierarchy(hierarchy)
+        # Who stays goes on as it is: rows that are in stay in.
+        stays = set(chain.from_iterable(self._members)) & set(chain.from_iterable(members))
         for task in self.tasks.values():
-            task.place(np.zeros_like(task.J))
+            if task not in stays:
+                task.leave()
+                task.place(np.zeros_like(task.J))
         self._members = members
         self._rows: dict[str, slice] = {}
         k = 0
@@ -139,7 +149,7 @@ class Stack:
         )
         self._results = tuple(self._result(tasks) for tasks in members)
         self.prepare_solver()
-        self.guard.watch(self._kept())
+        self.safety_filter.watch(self._kept())
 
     def _kept(self) -> Iterator[SetBasedTask]:
         """Tasks whose distances are kept whatever happens: those above all that always act."""
@@ -160,6 +170,15 @@ class Stack:
     def _level_rows(self, tasks: Sequence[Task]) -> slice:
         return slice(self._rows[tasks[0].name].start, self._rows[tasks[-1].name].stop)
 
+    def hold(self) -> None:
+        """Let the tasks of the hierarchy take their values at the first step as targets.
+
+        Obstacles stay where they are. To be called before the first step.
+        """
+        for task, _, _ in self._parts:
+            if not task.set_based and task.target_size:
+                task.forget_target()
+
     def add(self, task: Task) -> None:
         """Load a task of a new name, outside the hierarchy."""
         self.tasks[task.name] = task
@@ -177,7 +196,38 @@ class Stack:
         for name, rows in self._rows.items():
             task = self.tasks[name]
             if isinstance(task, SetBasedTask):
-                task.acting = self.solver.acting[rows]
+                acting = self.solver.acting[rows]
+                # Who stays goes on as it is until the next step.
+                acting[:] = task.acting
+                task.acting = acting
+
+    def prepare_limits(self, limits: Limits) -> Callable[[], None]:
+        """Check limits that the robot is to have; nothing has changed yet.
+
+        Returns
+        -------
+        callable
+            Gives them to the robot and lets every task follow; it cannot fail.
+
+        Raises
+        ------
+        InvalidValue
+            If they cannot be enforced, or a task could not be made with them.
+        """
+        self.safety_filter.check_limits(limits)
+        followers = []
+        for task in self.tasks.values():
+            try:
+                followers.append(task.prepare_limits(limits))
+            except InvalidValue as error:
+                raise error.under(f'tasks.{task.name}') from None
+
+        def apply() -> None:
+            self.robot.limits = limits
+            for follow in followers:
+                follow()
+
+        return apply
 
     def _jacobian_at(self, q: Vector) -> Matrix:
         """Stacked Jacobian (K, n) after the robot was moved to ``q`` (n,)."""
@@ -256,20 +306,43 @@ class Stack:
         rows = self._rows[name]
         return _read_only(self._velocity[rows]), _read_only(self._achieved[rows])
 
-    def step(self, q: Vector) -> Step:
-        """Compute the command at configuration ``q`` (n,) [rad, m].
+    @property
+    def arm(self) -> Arm:
+        """What the arm makes of the commands, and whether it follows them."""
+        return self.safety_filter.arm
 
-        A task without a target takes its value at this configuration as the target.
+    def step(self, q: Vector, elapsed: float | None = None, qd: Vector | None = None) -> Step:
+        """Compute the command that answers a measured state.
+
+        A task without a target takes its value at this configuration as the target. The arm
+        brakes while it does not follow its commands, see `Arm.following` and `Arm.notice`.
+
+        Parameters
+        ----------
+        q
+            Measured positions (n,) [rad, m].
+        elapsed
+            Time [s] since the state that the last command answered. When left out it is one
+            period, and whether an ideal arm follows is not judged: any configuration may be
+            asked about.
+        qd
+            Measured velocities (n,) [rad/s, m/s]: the start of an arm that moves already, and
+            what counts when positions jump. Zero is taken, and only positions count, when left
+            out.
 
         Raises
         ------
         UnusableState
-            If no finite command follows from the configuration. If that itself is finite the
-            error has a command: braking.
+            If no finite command follows from the state, or no joint can have moved so. If the
+            positions are finite the error has a command: braking.
         """
         if not np.isfinite(q).all():
             self._refuse(q)
-        self.robot.update(q)
+        if not self.safety_filter.take(q, elapsed, qd):
+            self._wish[:] = 0.0
+            self.safety_filter.brake(self._qd)
+            raise UnusableState(self.arm.notice, self._command)
+        self.robot.update(self.arm.z)
         for task in self._unaimed:
             if task.target is None:
                 task.hold()
@@ -282,7 +355,7 @@ class Stack:
                     task.desired_velocity(velocity)
                     if not task.set_based:
                         error[:] = task.error
-                bounds = self.guard.bounds(self.robot.q)
+                bounds = self.safety_filter.bounds()
                 scale = self.solver.solve(
                     self._J,
                     self._velocity,
@@ -294,18 +367,55 @@ class Stack:
             self._refuse(q)
         if self._unaimed:
             self._unaimed, self._held = [], []
+        if not self.arm.following:
+            self._wish[:] = 0.0
         self._qd[:] = self._wish
-        self.guard.pass_on(self.robot.q, self._qd)
+        self.safety_filter.pass_on(self._qd)
         np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
 
+    def know_period(self, period: float) -> None:
+        """Take over the time [s] of one step, which was unknown so far."""
+        self.safety_filter.know_period(period)
+        self.safety_filter.watch(self._kept())
+        for task in self.tasks.values():
+            task.know_period(period)
+
+    def stay(self) -> None:
+        """Turn the command of the last step into rest, for an arm that has not moved yet."""
+        self._qd[:] = self._achieved[:] = 0.0
+        self.rest()
+
+    def brake(
+        self, elapsed: float | None, q: Vector | None = None, qd: Vector | None = None
+    ) -> Vector:
+        """Compute the next command of braking to rest.
+
+        Parameters
+        ----------
+        elapsed, q, qd
+            As `step`, for a state that there was no time to answer. Without one, ``elapsed``
+            is the time [s] since the last command.
+
+        Returns
+        -------
+        Vector
+            Joint velocity (n,) [rad/s, m/s]; a read-only view that the next step overwrites.
+        """
+        self._wish[:] = 0.0
+        if q is not None:
+            self.safety_filter.take(q, elapsed, qd)
+        self.safety_filter.brake(self._qd, elapsed if q is None else None)
+        np.dot(self._J, self._qd, out=self._achieved)
+        return self._command
+
     def rest(self) -> None:
         """Go on from standstill: the last command was not carried out."""
-        self.guard.rest()
+        self.safety_filter.rest()
 
     def undo(self) -> None:
         """Take the last step back: its configuration comes again, no time has passed."""
-        self.guard.undo()
+        self.safety_filter.undo()
 
     def _refuse(self, q: Vector) -> NoReturn:
         self._qd[:] = self._wish[:] = 0.0
@@ -315,8 +425,8 @@ class Stack:
         message = f'no finite command follows from the position {shown(q)}'
         if not np.isfinite(q).all():
             raise UnusableState(message)
-        self.guard.bounds(self.robot.q)
-        self.guard.pass_on(self.robot.q, self._qd)
+        self.safety_filter.bounds()
+        self.safety_filter.pass_on(self._qd)
         raise UnusableState(message, self._command)
 
 

@@ -10,6 +10,8 @@ from rclpy.task import Future
 
 PATIENCE = 20
 """Repetitions of an unanswered state before it is said that nobody answers."""
+MOST_LOST = 1000
+"""So many states in a row may be lost."""
 
 
 class Lockstep:
@@ -19,6 +21,9 @@ class Lockstep:
     N steps publishes the present state, integrates each answer, and ends when the state
     after step N has been answered too; goals that came between two runs are therefore in
     the first command of the second one.
+
+    A state that is lost is not published: the next step follows at once, with the command in
+    force. The state at the end of a run is never lost, so a run always ends.
 
     Parameters
     ----------
@@ -30,6 +35,8 @@ class Lockstep:
         Counts those who listen to the states.
     move
         Integrates the newest command for one step and returns its length [ns].
+    lost
+        Tells whether the state after the step is lost.
     paused
         Whether to wait for `begin` or `resume` before the first state.
     """
@@ -40,12 +47,14 @@ class Lockstep:
         publish: Callable[[int], None],
         listeners: Callable[[], int],
         move: Callable[[], int],
+        lost: Callable[[], bool],
         paused: bool,
     ) -> None:
         self._node = node
         self._publish = publish
         self._count_listeners = listeners
         self._move = move
+        self._is_lost = lost
         self._now = time.time_ns()
         self._waiting = False
         """Whether the newest state has no answer yet."""
@@ -96,9 +105,12 @@ class Lockstep:
         if self._steps_left == 0:
             self._finish(True)
             return
-        if self._steps_left is not None:
-            self._steps_left -= 1
-        self._now += self._move()
+        for _ in range(MOST_LOST):
+            if self._steps_left is not None:
+                self._steps_left -= 1
+            self._now += self._move()
+            if self._steps_left == 0 or not self._is_lost():
+                break
         self._show()
 
     def jumped(self) -> None:

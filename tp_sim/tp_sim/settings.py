@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -13,12 +13,136 @@ from tp_controller.parameters import (
     NUMBER,
     NUMBERS,
     REQUIRED,
+    TEXT,
     Flat,
     Parameter,
     flatten,
     read_all,
 )
-from tp_sim.integrator import Integrator
+from tp_controller.robot import Limits, Robot
+from tp_sim.integrator import Integrator, Vector
+from tp_sim.plant import Joints, Plant, PlantSettings, check_plant
+from tp_sim.rigid_body import RigidBodies, ServoSettings
+
+KINEMATIC, RIGID_BODY = 'kinematic', 'rigid_body'
+IDEAL = PlantSettings()
+SERVO = ServoSettings()
+
+PLANT: Mapping[str, Parameter] = {
+    'plant.type': Parameter(
+        TEXT,
+        'Joints that have the commanded velocity, or rigid bodies with velocity servos; the '
+        'second needs a URDF with inertias',
+        default=KINEMATIC,
+        choices=(KINEMATIC, RIGID_BODY),
+    ),
+    'plant.delay': Parameter(
+        NUMBER,
+        'Whole cycles after which a command acts',
+        default=IDEAL.delay,
+        minimum=0.0,
+        runtime=True,
+    ),
+    'plant.lag': Parameter(
+        NUMBERS,
+        'Time constant [s] of a first-order lag of the velocity, one value or one per joint',
+        default=(IDEAL.lag,),
+        minimum=0.0,
+        runtime=True,
+    ),
+    'plant.noise': Parameter(
+        NUMBERS,
+        'Largest noise [rad, m] of a measured position, uniform, one value or one per joint',
+        default=(IDEAL.noise,),
+        minimum=0.0,
+        runtime=True,
+    ),
+    'plant.scale': Parameter(
+        NUMBERS,
+        'Measured over true position and velocity, one value or one per joint',
+        default=(IDEAL.scale,),
+        above=0.0,
+        runtime=True,
+    ),
+    'plant.quantum': Parameter(
+        NUMBERS,
+        'Step [rad, m] that measured positions are rounded to, one value or one per joint',
+        default=(IDEAL.quantum,),
+        minimum=0.0,
+        runtime=True,
+    ),
+    'plant.command_loss': Parameter(
+        NUMBER,
+        'Probability that a command is lost; the last one stays in force',
+        default=IDEAL.command_loss,
+        minimum=0.0,
+        runtime=True,
+    ),
+    'plant.state_loss': Parameter(
+        NUMBER,
+        'Probability that a joint state is lost; below 1 in lockstep',
+        default=IDEAL.state_loss,
+        minimum=0.0,
+        runtime=True,
+    ),
+    'plant.seed': Parameter(
+        NUMBER,
+        'Of the noise and the losses; a new one begins them anew',
+        default=IDEAL.seed,
+        minimum=0.0,
+        runtime=True,
+    ),
+    'plant.blocked': Parameter(
+        BOOLEAN, 'The joints stand still; joint states go on', default=False, runtime=True
+    ),
+    'plant.silent': Parameter(
+        BOOLEAN,
+        'The joints go on, joint states pause; not in lockstep',
+        default=False,
+        runtime=True,
+    ),
+}
+"""Parameters of every simulated arm."""
+
+RIGID: Mapping[str, Parameter] = {
+    'plant.bandwidth': Parameter(
+        NUMBER,
+        'Rigid bodies: rate [1/s] at which a joint alone approaches the command; '
+        f'{SERVO.bandwidth:g} when left out',
+        above=0.0,
+    ),
+    'plant.integral': Parameter(
+        NUMBER,
+        "Rigid bodies: rate [1/s] of the servos' integral part; when left out, a tenth of the "
+        'bandwidth if there is friction, else 0',
+        minimum=0.0,
+    ),
+    'plant.rotor_inertia': Parameter(
+        NUMBERS,
+        'Rigid bodies: inertia [kg m², kg] of the motors seen from the joints, one value or one '
+        f'per joint; {SERVO.rotor_inertia:g} when left out',
+        minimum=0.0,
+    ),
+    'plant.viscous_friction': Parameter(
+        NUMBERS,
+        'Rigid bodies: friction per speed [N m s/rad, N s/m], one value or one per joint; none '
+        'when left out',
+        minimum=0.0,
+    ),
+    'plant.coulomb_friction': Parameter(
+        NUMBERS,
+        'Rigid bodies: friction against any motion [N m, N], one value or one per joint; none '
+        'when left out',
+        minimum=0.0,
+    ),
+    'plant.effort': Parameter(
+        NUMBERS,
+        'Rigid bodies: largest torque [N m, N] of the motors, one value or one per joint; the '
+        "URDF's effort when left out",
+        above=0.0,
+    ),
+}
+"""Further parameters of a rigid-body arm."""
 
 SIMULATOR: Mapping[str, Parameter] = {
     'command.type': replace(
@@ -41,6 +165,8 @@ SIMULATOR: Mapping[str, Parameter] = {
     'paused': Parameter(
         BOOLEAN, 'Start lockstep at a halt; ~/step and ~/pause go on from there', default=False
     ),
+    **PLANT,
+    **RIGID,
 }
 """Parameters of the simulator node beside the shared ones."""
 
@@ -67,7 +193,9 @@ class SimulatorSettings(NamedTuple):
     base_frame: str
     """Name of the base frame."""
     integrator: Integrator
-    """The joints."""
+    """Ideal joints at the initial positions."""
+    plant: Plant
+    """The simulated arm; of a kinematic one the joints are those of `integrator`."""
     description: str
     """URDF of the robot."""
 
@@ -94,7 +222,80 @@ def read_simulator_parameters(parameters: Mapping[str, Any]) -> Flat:
     values = read_all(flat, simulator_schema(flat))
     if values['paused'] and not values['lockstep']:
         raise InvalidValue('paused', 'true without lockstep', 'true only with lockstep: true')
+    for key in RIGID:
+        if values[key] is not None and values['plant.type'] != RIGID_BODY:
+            raise InvalidValue(key, 'a value', f'one with plant.type: {RIGID_BODY} only')
+    check_plant_values(values)
     return values
+
+
+def check_plant_values(values: Mapping[str, Any]) -> None:
+    """Check ``plant.…`` values against each other, as far as that needs no robot.
+
+    Raises
+    ------
+    InvalidValue
+        As `check_plant`; in lockstep if no joint state would ever come.
+    """
+    check_plant(plant_settings(values))
+    if values['lockstep'] and values['plant.state_loss'] == 1.0:
+        raise InvalidValue('plant.state_loss', '1', 'a number below 1 in lockstep')
+    if values['lockstep'] and values['plant.silent']:
+        raise InvalidValue('plant.silent', 'true', 'false in lockstep, which ~/pause stops')
+
+
+def plant_settings(values: Mapping[str, Any]) -> PlantSettings:
+    """Settings of a plant out of read parameters by dotted key."""
+    found = PlantSettings(*(values[f'plant.{key}'] for key in PlantSettings._fields))
+    # Numbers of a parameter file may be whole or not; `check_plant` looks at that.
+    return found._replace(
+        **{
+            key: int(value)
+            for key, value in (('delay', found.delay), ('seed', found.seed))
+            if value == int(value)
+        }
+    )
+
+
+def _servo_settings(values: Mapping[str, Any]) -> ServoSettings:
+    given = {key: values[f'plant.{key}'] for key in ServoSettings._fields}
+    return ServoSettings(**{key: value for key, value in given.items() if value is not None})
+
+
+def build_plant(
+    values: Flat,
+    robot: Robot,
+    description: str,
+    q: Sequence[float] | Vector,
+    stops: bool = True,
+) -> Plant:
+    """Build a simulated arm of read parameters.
+
+    Parameters
+    ----------
+    values
+        The parameters by dotted key.
+    robot, description
+        The robot, and the URDF that it is made of.
+    q
+        First positions (n,) [rad, m].
+    stops
+        Whether the ranges of the joints end in hard stops; False lets joints leave them and be
+        faster than their limits, to see how far a controller drives them.
+
+    Raises
+    ------
+    InvalidValue
+        For anything that cannot be used, naming the full key.
+    """
+    joints: Joints
+    if values['plant.type'] == RIGID_BODY:
+        joints = RigidBodies(robot, description, q, _servo_settings(values), stops)
+    else:
+        joints = Integrator(q, robot.limits if stops else Limits(robot.n))
+    plant = Plant(joints, plant_settings(values), values['command_timeout'])
+    plant.blocked = values['plant.blocked']
+    return plant
 
 
 def build_simulator_settings(
@@ -120,4 +321,7 @@ def build_simulator_settings(
     values['robot.joints'], values['robot.base_frame'] = robot.joints, robot.base_frame
     q = values['initial_positions']
     integrator = Integrator([0.0] * robot.n if q is None else q, robot.limits)
-    return SimulatorSettings(values, robot.joints, robot.base_frame, integrator, text)
+    plant = build_plant(values, robot, text, integrator.q)
+    if isinstance(plant.joints, Integrator):
+        integrator = plant.joints
+    return SimulatorSettings(values, robot.joints, robot.base_frame, integrator, plant, text)

@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock, ClockType
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.qos import ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool
 
 from tp_controller.config.schema import COMMAND_TYPES
-from tp_controller.errors import InvalidValue, shown
+from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.ros.joint_states import JointStateReader
-from tp_controller.ros.parameters import describe_parameters
+from tp_controller.ros.parameters import ROS_OWN, describe_parameters
 from tp_controller.ros.robot_node import TOPIC, TOPIC_QOS, RobotNode
 from tp_interfaces.srv import Reset, Step
 from tp_sim.lockstep import Lockstep
+from tp_sim.real_time import Polled, RealTime, take
 from tp_sim.settings import (
     build_simulator_settings,
+    check_plant_values,
+    plant_settings,
     read_simulator_parameters,
     simulator_schema,
 )
@@ -35,7 +43,12 @@ TOPIC_TYPES = {
 
 
 class SimulatorNode(RobotNode):
-    """Integrates joint velocity commands and publishes joint states."""
+    """Integrates joint velocity commands and publishes joint states.
+
+    In real time every step takes the newest command that has come. The joints move with the
+    steady clock: steps that came late are caught up, with one command and one published state,
+    those of the end. See `RealTime`.
+    """
 
     def __init__(self) -> None:
         super().__init__('tp_sim')
@@ -51,11 +64,15 @@ class SimulatorNode(RobotNode):
         values = settings.values
         describe_parameters(self, simulator_schema(values), values)
         self._joints = settings.joints
-        self._integrator = settings.integrator
+        self._values = values
+        self._schema = simulator_schema(values)
+        self._plant = settings.plant
         self._dt = 1.0 / values['rate']
         self._command = np.zeros(len(self._joints))
-        self._command_time = -np.inf
-        self._command_timeout = values['command_timeout']
+        self._fresh = False
+        limits = self._plant.joints.limits
+        self._ends = limits.position_min, limits.position_max
+        self._at_end = self._find_ends()
         self._commands = JointStateReader(self._joints, 'command', 'velocity')
         self._msg = JointState(name=list(self._joints))
         self._msg.header.frame_id = settings.base_frame
@@ -66,70 +83,149 @@ class SimulatorNode(RobotNode):
             self._description_publisher.publish(String(data=settings.description))
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._publisher = self.create_publisher(JointState, 'joint_states', QUEUE_DEPTH)
+        self._truth = self.create_publisher(JointState, '~/true_joint_states', QUEUE_DEPTH)
+        # Held by whoever uses the plant, or changes what `RealTime`'s thread does.
+        self._lock = threading.Lock()
         self._listen_for(values['command.type'] or COMMAND_TYPES[0])
-        if values['command.type'] is None:
-            self.create_timer(0.1, self._follow_command_type, clock=steady)
+        self.create_timer(0.1, self._look_at_publishers, clock=steady)
         self.create_service(Reset, '~/reset', self._on_reset)
         # The other callbacks, another step among them, go on while a run is awaited.
         self.create_service(Step, '~/step', self._on_step, callback_group=ReentrantCallbackGroup())
         self.create_service(SetBool, '~/pause', self._on_pause)
         self._lockstep: Lockstep | None = None
+        self._real_time: RealTime | None = None
         if values['lockstep']:
             self._lockstep = Lockstep(
                 self,
                 self._publish,
                 self._publisher.get_subscription_count,
                 self._move,
+                self._plant.state_lost,
                 values['paused'],
             )
             self.create_timer(0.1, self._repeat, clock=steady)
         else:
-            self.create_timer(self._dt, self._tick, clock=steady)
+            self._real_time = RealTime(self._dt, self._steps, self.get_logger().warning)
+            self.create_timer(0.1, self._real_time.check, clock=steady)
+        self.add_on_set_parameters_callback(self._check_changes)
+        self.add_post_set_parameters_callback(self._change)
         self.get_logger().info(
             f'{len(self._joints)} joints at {values["rate"]:g} Hz'
             + (', in lockstep' if values['lockstep'] else '')
         )
 
-    def stop(self) -> None:
-        """Nothing moves once the node is gone."""
+    def stop(self) -> str:
+        """Nothing moves once the node is gone; there is nothing to be said about it."""
+        if self.started and self._real_time is not None:
+            self._real_time.stop()
+        return ''
 
     def _listen_for(self, command_type: str) -> None:
         """Subscribe to commands of a type."""
         self._stamped = command_type == 'joint_state'
+        in_lockstep = self._values['lockstep']
+        # A command in lockstep is an answer, none may be missed; else the newest one counts.
         self._subscription = self.create_subscription(
-            MESSAGE_TYPES[command_type], 'joint_velocity_command', self._on_command, QUEUE_DEPTH
+            MESSAGE_TYPES[command_type],
+            'joint_velocity_command',
+            self._on_command,
+            QUEUE_DEPTH if in_lockstep else 1,
+            callback_group=None if in_lockstep else Polled(),
         )
 
-    def _follow_command_type(self) -> None:
-        """Change to the type of command that is published, if it is the other one."""
-        found = {
-            info.topic_type
-            for info in self.get_publishers_info_by_topic(self._subscription.topic_name)
-        }
+    def _look_at_publishers(self) -> None:
+        """Follow the type of command that is published, and tell commands that are not heard."""
+        infos = self.get_publishers_info_by_topic(self._subscription.topic_name)
+        if any(info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT for info in infos):
+            self.get_logger().warning(
+                'commands are published as best effort, which is not heard: reliable is', once=True
+            )
+        if self._values['command.type'] is not None:
+            return
+        found = {info.topic_type for info in infos}
         for command_type, name in TOPIC_TYPES.items():
             if found == {name} and (command_type == 'joint_state') != self._stamped:
                 self.get_logger().info(f'commands come as {name}')
-                self.destroy_subscription(self._subscription)
-                self._listen_for(command_type)
+                with self._lock:
+                    self.destroy_subscription(self._subscription)
+                    self._listen_for(command_type)
+
+    def _check_changes(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
+        try:
+            self._changed(parameters)
+        except InvalidValue as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _changed(self, parameters: Sequence[RosParameter]) -> dict[str, Any]:
+        """All values after a change; nothing changes yet.
+
+        Raises
+        ------
+        InvalidValue
+            If they cannot be used.
+        """
+        given = {p.name: p.value for p in parameters if p.name in self._schema}
+        values = self._values | {
+            key: self._schema[key].read(key, value) for key, value in given.items()
+        }
+        check_plant_values(values)
+        self._plant.check(plant_settings(values))
+        return values
+
+    def _change(self, parameters: Sequence[RosParameter]) -> None:
+        if all(p.name.startswith(ROS_OWN) for p in parameters):
+            return
+        with self._lock:
+            self._values = self._changed(parameters)
+            self._plant.configure(plant_settings(self._values))
+            self._plant.blocked = self._values['plant.blocked']
 
     def _publish(self, nanoseconds: int) -> None:
         stamp = self._msg.header.stamp
         stamp.sec, stamp.nanosec = divmod(nanoseconds, 1_000_000_000)
-        self._msg.position = self._integrator.q
-        self._msg.velocity = self._integrator.qd
+        if self._truth.get_subscription_count():
+            self._msg.position, self._msg.velocity = self._plant.q, self._plant.qd
+            self._truth.publish(self._msg)
+        if self._values['plant.silent'] or (self._lockstep is None and self._plant.state_lost()):
+            return
+        self._msg.position, self._msg.velocity = self._plant.measured()
         self._publisher.publish(self._msg)
 
     def _move(self) -> int:
         """Integrate the newest command for one step; return its length [ns]."""
-        self._integrator.step(self._command, self._dt)
+        self._plant.step(self._command if self._fresh else None, self._dt)
+        self._fresh = False
+        self._tell_stops()
         return round(1e9 * self._dt)
 
-    def _tick(self) -> None:
-        """Move in real time."""
-        if time.monotonic() - self._command_time > self._command_timeout:
-            self._command[:] = 0.0
-        self._move()
-        self._publish(self.get_clock().now().nanoseconds)
+    def _find_ends(self) -> NDArray[np.bool_]:
+        """Whether each joint is at an end of its range (n,)."""
+        q = self._plant.q
+        return (q <= self._ends[0]) | (q >= self._ends[1])
+
+    def _tell_stops(self) -> None:
+        """Say which joints have just been driven into an end of their range."""
+        before, self._at_end = self._at_end, self._find_ends()
+        driven = self._at_end & ~before
+        if driven.any():
+            names = [self._joints[i] for i in np.flatnonzero(driven)]
+            self.get_logger().warning(
+                f'at the end of the range, held by its stop: {listed(names)}',
+                throttle_duration_sec=1.0,
+            )
+
+    def _steps(self, count: int, end: float) -> None:
+        """Take steps in real time, up to an end [s] by the steady clock."""
+        with self._lock:
+            msg = take(self._subscription)
+            if msg is not None:
+                self._on_command(msg)
+            for _ in range(count):
+                self._move()
+            # The time of the state, not of its publication.
+            late = round(1e9 * (time.monotonic() - end))
+            self._publish(self.get_clock().now().nanoseconds - late)
 
     def _repeat(self) -> None:
         """Publish an unanswered state again for a controller that came after it.
@@ -150,7 +246,7 @@ class SimulatorNode(RobotNode):
         except InvalidValue as error:
             self.get_logger().warning(f'command ignored: {error}', throttle_duration_sec=1.0)
             return
-        self._command_time = time.monotonic()
+        self._fresh = True
         if self._lockstep is not None:
             stamp = msg.header.stamp if self._stamped else None
             self._lockstep.answered(
@@ -167,20 +263,26 @@ class SimulatorNode(RobotNode):
 
     def _on_reset(self, request: Reset.Request, response: Reset.Response) -> Reset.Response:
         try:
-            self._reset(list(request.name), np.array(request.position))
+            with self._lock:
+                self._reset(list(request.name), np.array(request.position))
         except InvalidValue as error:
             response.message = str(error)
             return response
-        self._command[:] = 0.0
         if self._lockstep is not None:
             self._lockstep.jumped()
         response.success = True
         return response
 
     def _reset(self, names: list[str], positions: np.ndarray) -> None:
-        if not names and not positions.size:
-            self._integrator.reset()
-            return
+        if names or positions.size:
+            self._plant.reset(self._with(names, positions))
+        else:
+            self._plant.reset()
+        self._fresh = False
+        self._at_end = self._find_ends()
+
+    def _with(self, names: list[str], positions: np.ndarray) -> np.ndarray:
+        """Present positions (n,) with some of them replaced."""
         known = all(name in self._joints for name in names)
         if not known or len(set(names)) != len(names) or len(names) != positions.size:
             raise InvalidValue(
@@ -188,9 +290,9 @@ class SimulatorNode(RobotNode):
                 f'{shown(names)} with {positions.size} positions',
                 f'one position for each name, names out of {", ".join(self._joints)}',
             )
-        q = self._integrator.q
+        q = self._plant.q
         q[[self._joints.index(name) for name in names]] = positions
-        self._integrator.reset(q)
+        return q
 
     async def _on_step(self, request: Step.Request, response: Step.Response) -> Step.Response:
         if self._lockstep is None:

@@ -2,8 +2,10 @@
 
 It computes what the nodes do in lockstep, without processes and topics. Goals are drawn from
 the positions that the controlled frames can have, and from 0.7 to 1.3 times as far away, so
-that many lie inside obstacles or out of reach. The joints carry out every command exactly:
-nothing but the controller keeps them inside their limits.
+that many lie inside obstacles or out of reach. The joints have no hard stops: nothing but the
+controller keeps them inside their limits. They carry out every command exactly, or are as
+``plant.…`` of the simulator's parameters and the arguments say. What is reported of distances
+and ranges is true, not what the controller measures.
 """
 
 from __future__ import annotations
@@ -13,10 +15,10 @@ import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,56 +26,65 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from tp_controller.config import build_robot, build_settings, read_parameter_file
+from tp_controller.config import build_robot, build_settings, describe_robot, read_parameter_file
 from tp_controller.config.build import read_parameters
-from tp_controller.errors import InvalidValue, TaskPriorityError
-from tp_controller.robot import Robot
+from tp_controller.errors import InvalidValue, TaskPriorityError, UnusableState
+from tp_controller.robot import Limits, Robot
+from tp_controller.robot.response import KEYS
 from tp_controller.solvers import SOLVER_TYPES
-from tp_controller.stack import Stack
-from tp_controller.tasks import PositionTask, SetBasedTask
-from tp_sim.settings import build_simulator_settings
+from tp_controller.tasks import PositionTask
+from tp_sim.integrator import Integrator
+from tp_sim.plant import Plant, PlantSettings
+from tp_sim.rigid_body import RigidBodies
+from tp_sim.settings import (
+    KINEMATIC,
+    PLANT,
+    RIGID_BODY,
+    build_plant,
+    build_simulator_settings,
+    read_simulator_parameters,
+)
+from tp_sim.watch import REACHED, Outcome, Watch
 
 Vector = NDArray[np.float64]
 
 BROKEN, REFUSED, INTERRUPTED = 1, 2, 130
 SECONDS_PER_GOAL = 10.0
-REACHED = 0.01
-"""Error [m] of a goal that is reached."""
-ROUNDING = 1e-9
-"""A limit that is exceeded by less than this share of it is not broken."""
 TURN = 2.0 * math.pi
 """Range [rad] of random positions of a joint without limits."""
+UNLIKELY = 1e-9
+"""Probability of more losses in a row than the controller is told of."""
 
-
-class Outcome(NamedTuple):
-    """What was seen in one long run."""
-
-    steps: int
-    least_distance: float
-    """Of every set-based task [m, rad]; infinite if there is none."""
-    least_room: float
-    """Of every joint from the nearer end of its range [rad, m]."""
-    speed: float
-    """Largest share of a velocity limit."""
-    acceleration: float
-    """Largest share of an acceleration limit; zero if there is none."""
-    activations: int
-    """How often a row of a set-based task began to act."""
-    braked: int
-    """Steps in which the command had to give way to braking."""
-    goals: int
-    reached: int
-    seconds: float
-    """Time that it took [s]."""
-
-    @property
-    def broken(self) -> bool:
-        """Whether any limit was."""
-        return (
-            self.least_distance < 0.0
-            or self.least_room < 0.0
-            or max(self.speed, self.acceleration) > 1.0 + ROUNDING
-        )
+PLANTS: Mapping[str, Mapping[str, float]] = {
+    'ideal': {},
+    'delay 1': {'delay': 1},
+    'delay 2': {'delay': 2},
+    'delay 3': {'delay': 3},
+    'lag 10 ms': {'lag': 0.01},
+    'lag 30 ms': {'lag': 0.03},
+    'lag 50 ms': {'lag': 0.05},
+    'noise 1e-4': {'noise': 1e-4},
+    'noise 1e-3': {'noise': 1e-3},
+    'command loss 10 %': {'command_loss': 0.1},
+    'command loss 50 %': {'command_loss': 0.5},
+    'state loss 10 %': {'state_loss': 0.1},
+    'state loss 50 %': {'state_loss': 0.5},
+    'delay 1, lag 20 ms, noise 1e-4, losses 10 %': {
+        'delay': 1,
+        'lag': 0.02,
+        'noise': 1e-4,
+        'command_loss': 0.1,
+        'state_loss': 0.1,
+    },
+    'delay 3, lag 50 ms, noise 1e-3, losses 50 %': {
+        'delay': 3,
+        'lag': 0.05,
+        'noise': 1e-3,
+        'command_loss': 0.5,
+        'state_loss': 0.5,
+    },
+}
+"""Arms of ``--plants table``, by what is not ideal of them."""
 
 
 def main() -> int:
@@ -82,12 +93,28 @@ def main() -> int:
     Returns
     -------
     int
-        Exit status: 0, 1 if a limit was broken, 2 if the file cannot be used, 130 after Ctrl-C.
+        Exit status: 0, 1 if a limit was broken, 2 if the file or an argument cannot be used, 130
+        after Ctrl-C.
     """
     arguments = _parser().parse_args()
+    plant = {
+        f'plant.{key}': getattr(arguments, key)
+        for key in ('delay', 'lag', 'noise', 'scale', 'quantum', 'command_loss', 'state_loss')
+    }
+    plant |= {'plant.type': arguments.plant, 'plant.seed': arguments.seed}
+    plant = {key: value for key, value in plant.items() if value is not None}
+    plants = PLANTS if arguments.plants else {'': {}}
     try:
-        outcomes = run_schemes(
-            arguments.config, arguments.schemes, arguments.steps, arguments.seed
+        found = run_all(
+            arguments.config,
+            arguments.schemes,
+            arguments.steps,
+            arguments.seed,
+            {
+                name: plant | {f'plant.{key}': value for key, value in given.items()}
+                for name, given in plants.items()
+            },
+            arguments.declared,
         )
     except TaskPriorityError as error:
         print(f'stress: {error}', file=sys.stderr)
@@ -95,8 +122,16 @@ def main() -> int:
     except KeyboardInterrupt:
         print('stress: interrupted', file=sys.stderr)
         return INTERRUPTED
-    Console().print(_table(arguments.config.name, outcomes))
-    return BROKEN if any(outcome.broken for outcome in outcomes.values()) else 0
+    name = arguments.config.name
+    if arguments.plants:
+        told = 'the controller knows' if arguments.declared else 'the controller does not know'
+        for scheme in next(iter(found.values())):
+            by_plant = {plant: outcomes[scheme] for plant, outcomes in found.items()}
+            Console().print(_plant_table(f'{name}, {scheme}; {told} the arm', by_plant))
+    else:
+        Console().print(_table(name, found['']))
+    broken = any(seen.broken for outcomes in found.values() for seen in outcomes.values())
+    return BROKEN if broken else 0
 
 
 def _at_least(least: int) -> Callable[[str], int]:
@@ -112,12 +147,36 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog='stress', description=(__doc__ or '').split('\n')[0])
     parser.add_argument('--config', type=Path, required=True, help='parameter file')
     parser.add_argument('--steps', type=_at_least(1), default=100_000, help='of every scheme')
-    parser.add_argument('--seed', type=_at_least(0), default=0, help='of the random goals')
+    parser.add_argument(
+        '--seed', type=_at_least(0), default=0, help='of the random goals, noise and losses'
+    )
     parser.add_argument(
         '--schemes',
         nargs='+',
         choices=sorted(SOLVER_TYPES),
         help='values of solver.type; that of the file when left out',
+    )
+    arm = parser.add_argument_group('the arm, in place of plant.… of tp_sim in the file')
+    for key in ('delay', 'lag', 'noise', 'scale', 'quantum', 'command_loss', 'state_loss'):
+        arm.add_argument(
+            f'--{key.replace("_", "-")}',
+            type=_at_least(0) if key == 'delay' else float,
+            help=PLANT[f'plant.{key}'].description.replace('%', '%%'),
+        )
+    arm.add_argument('--plant', choices=(KINEMATIC, RIGID_BODY), help='plant.type')
+    arm.add_argument(
+        '--plants',
+        choices=('table',),
+        help='run many arms, one after the other, with delays, lags, noise and losses',
+    )
+    arm.add_argument(
+        '--declared',
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help='tell the controller what its arm is like, by robot.delay, lag, noise and hold',
+    )
+    arm.add_argument(
+        '--undeclared', dest='declared', action='store_false', help='same as --no-declared'
     )
     return parser
 
@@ -132,21 +191,68 @@ def run_schemes(
     TaskPriorityError
         If the file cannot be used.
     """
+    return run_all(path, schemes, steps, seed, {'': {}})['']
+
+
+def run_all(
+    path: Path,
+    schemes: Sequence[str] | None,
+    steps: int,
+    seed: int,
+    plants: Mapping[str, Mapping[str, Any]],
+    declared: bool = True,
+) -> dict[str, dict[str, Outcome]]:
+    """Run every scheme on a parameter file with every plant, each in a process of its own.
+
+    Parameters
+    ----------
+    path
+        The file.
+    schemes
+        Values of ``solver.type``; None for that of the file.
+    steps, seed
+        As for `run`.
+    plants
+        Parameters ``plant.…`` in place of the file's, by any name.
+    declared
+        As for `run`.
+
+    Returns
+    -------
+    dict
+        What was seen, by plant and scheme.
+
+    Raises
+    ------
+    TaskPriorityError
+        If the file or a plant cannot be used.
+    """
     values = read_parameter_file(path, 'tp_controller')
+    simulated = read_parameter_file(path, 'tp_sim')
     names = schemes or [read_parameters(values)['solver.type']]
-    start = build_simulator_settings(read_parameter_file(path, 'tp_sim')).integrator.q
     for name in names:
         build_settings(values | {'solver.type': name})
-    count = min(len(names), os.cpu_count() or 1)
-    with ProcessPoolExecutor(count) as pool:
-        found = pool.map(
-            run,
-            [values | {'solver.type': name} for name in names],
-            [start] * len(names),
-            [steps] * len(names),
-            [seed] * len(names),
-        )
-        return dict(zip(names, found, strict=True))
+    for given in plants.values():
+        q = build_simulator_settings(simulated | dict(given)).integrator.q
+    jobs = [(plant, name) for plant in plants for name in names]
+    with ProcessPoolExecutor(min(len(jobs), os.cpu_count() or 1)) as pool:
+        runs = [
+            pool.submit(
+                run,
+                values | {'solver.type': name},
+                q,
+                steps,
+                seed,
+                None,
+                simulated | dict(plants[plant]),
+                declared,
+            )
+            for plant, name in jobs
+        ]
+        found: dict[str, dict[str, Outcome]] = {plant: {} for plant in plants}
+        for (plant, name), job in zip(jobs, runs, strict=True):
+            found[plant][name] = job.result()
+        return found
 
 
 def run(
@@ -155,6 +261,8 @@ def run(
     steps: int,
     seed: int = 0,
     targets: Iterable[Sequence[Vector]] | None = None,
+    simulated: Mapping[str, Any] | None = None,
+    declared: bool = True,
 ) -> Outcome:
     """Send an arm to goals, with a new one every 10 s.
 
@@ -170,35 +278,113 @@ def run(
         Of the random goals.
     targets
         Goals of all position tasks, one after the other, in place of random ones.
+    simulated
+        Parameters of the simulator, of which those of the arm count; None for joints that carry
+        out every command exactly.
+    declared
+        Whether the controller is told what the arm is like, see `declaration`. False: it takes
+        the arm for an ideal one.
 
     Raises
     ------
     InvalidValue
         If the parameters cannot be used, have no rate or no task that takes a position.
     """
-    stack = build_settings(values).stack
-    goals = [task for task in stack.tasks.values() if isinstance(task, PositionTask)]
-    period = stack.guard.period
-    if not math.isfinite(period):
+    rate = read_parameters(values)['rate']
+    if rate is None:
         raise InvalidValue('rate', 'no value', 'a number above 0')
+    plant = _plant(simulated, q)
+    values = {key: value for key, value in values.items() if declared or not _tells(key)}
+    if declared:
+        values |= declaration(plant, 1.0 / rate)
+    stack, truth = (build_settings(values).stack for _ in range(2))
+    goals = [task for task in stack.tasks.values() if isinstance(task, PositionTask)]
+    period = stack.safety_filter.period
     if not goals:
         raise InvalidValue('tasks', 'no position task', 'one that is sent to random goals')
     if targets is None:
         elsewhere = build_robot(read_parameters(values))
         targets = _places(elsewhere, goals, np.random.default_rng(seed))
     places = iter(targets)
-    watch = Watch(stack)
+    watch = Watch(stack, truth)
     started, every = time.perf_counter(), max(1, round(SECONDS_PER_GOAL / period))
+    since = 1
     for i in range(steps):
         if i % every == 0:
-            watch.count_goal(goals if i else ())
+            if i:
+                watch.count_goal(plant.q)
             for task, target in zip(goals, next(places), strict=True):
                 task.target = target
-        command = stack.step(q).command
-        watch.see(q, command)
-        q = q + period * command
-    watch.count_goal(goals)
-    return watch.outcome(time.perf_counter() - started)
+        watch.see_place(plant.q)
+        command = None
+        if not plant.state_lost():
+            measured, speed = plant.measured()
+            try:
+                command = stack.step(measured, since * period, speed).command
+            except UnusableState as error:
+                command = np.zeros(q.size) if error.command is None else error.command
+            watch.see_command(command, bool(stack.arm.notice), i % every > every // 2)
+            since = 0
+        since += 1
+        plant.step(command, period)
+    watch.count_goal(plant.q)
+    return watch.outcome(time.perf_counter() - started, _allowance(plant.settings))
+
+
+def _plant(simulated: Mapping[str, Any] | None, q: Vector) -> Plant:
+    if simulated is None:
+        return Plant(Integrator(q, Limits(q.size)))
+    values = read_simulator_parameters(simulated)
+    robot = build_robot(values)
+    return build_plant(values, robot, describe_robot(values), q, stops=False)
+
+
+def _tells(key: str) -> bool:
+    return key.startswith('robot.') and key.removeprefix('robot.') in KEYS
+
+
+def _allowance(settings: PlantSettings) -> float:
+    """Largest error [rad, m] of a measured position, but for its scale."""
+    noise, quantum = np.asarray(settings.noise), np.asarray(settings.quantum)
+    return float(np.max(noise + 0.5 * quantum))
+
+
+def declaration(plant: Plant, period: float) -> dict[str, Any]:
+    """Parameters ``robot.…`` that tell a controller what its arm is like.
+
+    Without losses there is nothing to hold. With losses, a command may stay in force for as
+    long as so many in a row may be lost with a probability of 1e-9, or for the simulator's
+    ``command_timeout``, if that is less. The lag of rigid bodies is `RigidBodies.lag`. A wrong
+    scale cannot be told.
+
+    Parameters
+    ----------
+    plant
+        The arm.
+    period
+        Time [s] of a step.
+
+    Returns
+    -------
+    dict
+        The parameters by dotted key; empty for an ideal arm.
+    """
+    given, n = plant.settings, plant.q.size
+    lag = np.broadcast_to(np.asarray(given.lag, dtype=float), (n,))
+    if isinstance(plant.joints, RigidBodies):
+        lag = lag + plant.joints.lag
+    told: dict[str, Any] = {
+        'robot.delay': [given.delay * period],
+        'robot.lag': lag.tolist(),
+        'robot.noise': [_allowance(given)],
+        'robot.hold': 0.0,
+    }
+    lost = 1.0 - (1.0 - given.command_loss) * (1.0 - given.state_loss)
+    if lost > 0.0:
+        longest = math.inf if plant.command_timeout is None else plant.command_timeout
+        in_a_row = math.ceil(math.log(UNLIKELY) / math.log(lost)) if lost < 1.0 else math.inf
+        told['robot.hold'] = min(longest, in_a_row * period)
+    return told if any(np.any(np.asarray(value)) for value in told.values()) else {}
 
 
 def _places(
@@ -215,68 +401,6 @@ def _places(
         yield [far * robot.frame(task.frame_name).position[task.rows] for task in tasks]
 
 
-class Watch:
-    """Looks at every command of a stack.
-
-    Parameters
-    ----------
-    stack
-        The stack; its arm stands still.
-    """
-
-    def __init__(self, stack: Stack) -> None:
-        self._stack = stack
-        self._sets = [
-            task
-            for task in stack.tasks.values()
-            if isinstance(task, SetBasedTask) and stack.level_of(task.name) >= 0
-        ]
-        self._acted = [task.acting.copy() for task in self._sets]
-        self._before = np.zeros(stack.robot.n)
-        self.steps = self.activations = self.braked = self.goals = self.reached = 0
-        self.distance = self.room = math.inf
-        self.speed = self.acceleration = 0.0
-
-    def see(self, q: Vector, command: Vector) -> None:
-        """Take note of a configuration and of the command (n,) that answers it."""
-        limits, guard = self._stack.robot.limits, self._stack.guard
-        self.steps += 1
-        for task in self._sets:
-            self.distance = min(self.distance, float(task.distance.min()))
-        room = np.minimum(q - limits.position_min, limits.position_max - q)
-        self.room = min(self.room, float(room.min()))
-        self.speed = max(self.speed, float(np.max(np.abs(command) / limits.velocity)))
-        change = np.abs(command - self._before) / (limits.acceleration * guard.period)
-        self.acceleration = max(self.acceleration, float(change.max()))
-        self._before[:] = command
-        for i, task in enumerate(self._sets):
-            acts = task.acting if task.one_sided else task.on
-            self.activations += int(np.count_nonzero(acts & ~self._acted[i]))
-            self._acted[i][:] = acts
-        self.braked += bool(guard.stopped_by)
-
-    def count_goal(self, tasks: Sequence[PositionTask]) -> None:
-        """Take note of how near a goal was come to."""
-        if tasks:
-            self.goals += 1
-            self.reached += all(float(np.linalg.norm(task.error)) < REACHED for task in tasks)
-
-    def outcome(self, seconds: float) -> Outcome:
-        """What was seen until now, in so much time [s]."""
-        return Outcome(
-            self.steps,
-            self.distance,
-            self.room,
-            self.speed,
-            self.acceleration,
-            self.activations,
-            self.braked,
-            self.goals,
-            self.reached,
-            seconds,
-        )
-
-
 def _table(name: str, outcomes: dict[str, Outcome]) -> Table:
     steps = next(iter(outcomes.values())).steps
     table = Table(title=f'{escape(name)}: {steps:,} steps to random goals', title_style='bold')
@@ -290,11 +414,42 @@ def _table(name: str, outcomes: dict[str, Outcome]) -> Table:
         ('largest share of a velocity limit', [f'{seen.speed:.6f}' for seen in found]),
         ('largest share of an acceleration limit', [f'{s.acceleration:.6f}' for s in found]),
         ('rows that began to act', [f'{seen.activations:,}' for seen in found]),
-        ('steps that the last check braked', [f'{seen.braked:,}' for seen in found]),
+        ('steps that the safety filter braked', [f'{seen.braked:,}' for seen in found]),
+        ('steps in which the arm did not follow', [f'{seen.astray:,}' for seen in found]),
+        ('steps at rest with a change of sign', [f'{seen.restless:.2%}' for seen in found]),
         (f'goals reached within {REACHED:g} m', [f'{s.reached} of {s.goals}' for s in found]),
         ('time per step \\[µs]', [f'{1e6 * seen.seconds / seen.steps:.0f}' for seen in found]),
     ):
         table.add_row(label, *values)
+    return table
+
+
+def _plant_table(name: str, outcomes: dict[str, Outcome]) -> Table:
+    steps = next(iter(outcomes.values())).steps
+    table = Table(title=f'{escape(name)}: {steps:,} steps to random goals', title_style='bold')
+    table.add_column('arm')
+    for header in (
+        'least\ndistance',
+        'least\nroom',
+        'velocity\n/ limit',
+        'acceleration\n/ limit',
+        'sign changes\nat rest',
+        'not\nfollowing',
+        'goals\nreached',
+    ):
+        table.add_column(header, justify='right')
+    for plant, seen in outcomes.items():
+        table.add_row(
+            plant,
+            f'{seen.least_distance:.6f}',
+            f'{seen.least_room:.6f}',
+            f'{seen.speed:.4f}',
+            f'{seen.acceleration:.4f}',
+            f'{seen.restless:.2%}',
+            f'{seen.astray:,}',
+            f'{seen.reached} of {seen.goals}',
+            style='red' if seen.broken else None,
+        )
     return table
 
 

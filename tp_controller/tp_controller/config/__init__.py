@@ -1,32 +1,44 @@
 """From the dictionary of a parameter file to a robot, tasks and a stack."""
 
-from tp_controller.config.additions import check_addition, check_removal, remove
+from tp_controller.config.additions import build_addition, check_removal, remove
 from tp_controller.config.build import (
     Settings,
     build_robot,
     build_settings,
     build_stack,
     describe_robot,
+    know_rate,
     read_parameters,
 )
 from tp_controller.config.changes import check_changes
-from tp_controller.config.files import read_blocks, read_parameter_file
-from tp_controller.config.schema import SHARED, controller_schema, robot_source, shared_schema
+from tp_controller.config.files import read_blocks, read_parameter_file, read_task
+from tp_controller.config.schema import (
+    HOLD,
+    SHARED,
+    START,
+    controller_schema,
+    robot_source,
+    shared_schema,
+)
 
 __all__ = [
+    'HOLD',
     'SHARED',
+    'START',
     'Settings',
+    'build_addition',
     'build_robot',
     'build_settings',
     'build_stack',
-    'check_addition',
     'check_changes',
     'check_removal',
     'controller_schema',
     'describe_robot',
+    'know_rate',
     'read_blocks',
     'read_parameter_file',
     'read_parameters',
+    'read_task',
     'remove',
     'robot_source',
     'shared_schema',

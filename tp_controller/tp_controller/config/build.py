@@ -9,9 +9,11 @@ from typing import Any, NamedTuple
 
 from tp_controller.config.schema import (
     DESCRIPTION,
+    HOLD,
     INVERSE,
     OBJECTIVE,
     REST,
+    START,
     URDF,
     controller_schema,
     robot_source,
@@ -23,6 +25,7 @@ from tp_controller.parameters import Flat, flatten, read_all
 from tp_controller.robot import (
     DHParameters,
     Limits,
+    Response,
     Robot,
     dh_description,
     dh_robot,
@@ -30,10 +33,15 @@ from tp_controller.robot import (
     robot_bodies,
     urdf_robot,
 )
-from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
+from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS, robot_links
+from tp_controller.robot.response import KEYS as RESPONSE
+from tp_controller.robot.srdf import SRDF, disabled_pairs
 from tp_controller.solvers import SOLVER_TYPES, Inverse
 from tp_controller.stack import Stack, split_hierarchy
 from tp_controller.tasks import TASK_TYPES, Task
+
+RANGE = ('position_min', 'position_max')
+"""Limits that make a range."""
 
 
 class Settings(NamedTuple):
@@ -45,28 +53,46 @@ class Settings(NamedTuple):
     """The stack of tasks on its robot."""
 
 
-def build_settings(parameters: Mapping[str, Any], description: str | None = None) -> Settings:
+def build_settings(
+    parameters: Mapping[str, Any], description: str | None = None, find_rate: bool = False
+) -> Settings:
     """Build a controller's stack from its parameters.
 
     Parameters
     ----------
     parameters
-        The dictionary under ``ros__parameters``, nested or with dotted keys.
+        The dictionary under ``ros__parameters``, nested or with dotted keys. Without `start`,
+        which the controller's node sets to ``hold``, tasks go to their targets.
     description
         URDF of the robot for parameters that name none.
+    find_rate
+        Whether the rate, if it is left out, is told to the stack before it moves anything,
+        see `know_rate`. Ranges of the description are then no reason to refuse; those of the
+        parameters are.
 
     Raises
     ------
     InvalidValue
-        For anything that cannot be used, naming the full key.
+        For anything that cannot be used, naming the full key; for ranges without ``rate``,
+        which nobody would keep.
     """
     values = read_parameters(parameters)
     robot = build_robot(values, description)
+    if not find_rate or any(values[f'robot.limits.{key}'] is not None for key in RANGE):
+        robot.limits.check_period(robot.joints, _period(values))
     values['robot.joints'], values['robot.base_frame'] = robot.joints, robot.base_frame
     stack = build_stack(robot, values)
     for name, task in stack.tasks.items():
         values[f'tasks.{name}.feedforward'] = tuple(task.feedforward)
+    if flatten(parameters).get(START) == HOLD:
+        stack.hold()
     return Settings(values, stack)
+
+
+def know_rate(settings: Settings, rate: float) -> None:
+    """Tell a stack that was built without ``rate`` what it is [Hz], before it moves anything."""
+    settings.values['rate'] = rate
+    settings.stack.know_period(1.0 / rate)
 
 
 def read_parameters(parameters: Mapping[str, Any]) -> Flat:
@@ -133,6 +159,12 @@ def build_robot(values: Flat, received: str | None = None) -> Robot:
     InvalidValue
         As `describe_robot`; if the description cannot be used.
     """
+    robot = _described(values, received)
+    robot.response = Response.of(robot.n, **{key: values[f'robot.{key}'] for key in RESPONSE})
+    return robot
+
+
+def _described(values: Flat, received: str | None) -> Robot:
     source = robot_source(values)
     if source not in (URDF, DESCRIPTION, None):
         return _clad(dh_robot(*_dh_arm(values)), None, values)
@@ -149,7 +181,12 @@ def build_robot(values: Flat, received: str | None = None) -> Robot:
 
 
 def _clad(robot: Robot, description: str | None, values: Flat) -> Robot:
-    """Let a robot know the shapes of its links; meshes are read when a task needs them."""
+    """Let a robot know the shapes of its links; meshes are read when a task needs them.
+
+    Which pairs of them are never looked at is known at once.
+    """
+    if values[SRDF] is not None:
+        robot.disabled_pairs = disabled_pairs(values[SRDF], robot_links(robot))
     capsules = {
         key.removeprefix(CAPSULES): values[key] for key in values if key.startswith(CAPSULES)
     }
@@ -212,6 +249,7 @@ def build_task(name: str, robot: Robot, values: Flat) -> Task:
     try:
         own['period'] = _period(values)
         task = TASK_TYPES[own['type']].from_parameters(name, robot, own)
+        task.period = own['period']
         task.gain = own['gain']
         task.weight = own['weight']
         task.inverse = Inverse(*(own[key] for key in INVERSE))

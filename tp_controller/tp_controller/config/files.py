@@ -13,6 +13,14 @@ from tp_controller.parameters import Flat, flatten
 
 WILDCARDS = ('*', '**')
 
+LONGEST = 64 * 1024
+"""Length of a text [characters] that a running controller reads."""
+DEEPEST = 8
+"""Blocks and lists inside each other in such a text."""
+MOST = 5000
+"""Values, keys included, in such a text."""
+TASK = 'YAML of a task, such as {type: obstacle, frame: link_3, ...}'
+
 
 class _StrictLoader(yaml.SafeLoader):
     """Plain YAML, in which a key may stand only once."""
@@ -20,12 +28,70 @@ class _StrictLoader(yaml.SafeLoader):
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[Any] = set()
         for key_node, _ in node.value:
+            if not isinstance(key_node, yaml.ScalarNode):
+                raise yaml.constructor.ConstructorError(
+                    None, None, 'a key that is not a text', key_node.start_mark
+                )
             if key_node.value in seen:
                 raise yaml.constructor.ConstructorError(
                     None, None, f'{key_node.value!r} a second time', key_node.start_mark
                 )
             seen.add(key_node.value)
         return super().construct_mapping(node, deep)
+
+
+class _BoundedLoader(_StrictLoader):
+    """YAML of bounded depth and count, without aliases: looked at while it is parsed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._depth = self._count = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        if self.check_event(yaml.AliasEvent):
+            raise InvalidValue('parameters', 'an alias', 'every value written out')
+        self._depth += 1
+        self._count += 1
+        if self._depth > DEEPEST + 1:
+            raise InvalidValue('parameters', f'more than {DEEPEST} blocks inside each other', TASK)
+        if self._count > MOST:
+            raise InvalidValue('parameters', f'more than {MOST} values', TASK)
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+
+def read_task(text: str) -> dict[str, Any]:
+    """Parameters of a task from a YAML text that anyone may have sent.
+
+    Parameters
+    ----------
+    text
+        YAML of what stands under ``tasks.<name>`` in a parameter file.
+
+    Returns
+    -------
+    dict
+        The parameters, nested as they are there.
+
+    Raises
+    ------
+    InvalidValue
+        If the text is longer than `LONGEST`, holds more than `MOST` values, blocks deeper than
+        `DEEPEST` or an alias, is not YAML, or not a block.
+    """
+    if len(text) > LONGEST:
+        raise InvalidValue(
+            'parameters', f'{len(text)} characters', f'up to {LONGEST} characters of {TASK}'
+        )
+    try:
+        block = yaml.load(text, Loader=_BoundedLoader)
+    except (yaml.YAMLError, ValueError) as error:
+        problem = ' '.join(str(getattr(error, 'problem', error)).split())
+        raise InvalidValue('parameters', f'{shown(text)}: {problem}', TASK) from None
+    if not isinstance(block, dict) or not block:
+        raise InvalidValue('parameters', shown(text), TASK)
+    return block
 
 
 def read_parameter_file(path: str | Path, node: str) -> Flat:

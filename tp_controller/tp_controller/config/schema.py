@@ -20,11 +20,14 @@ from tp_controller.parameters import (
 )
 from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
 from tp_controller.robot.dh import CONVENTIONS, JOINT_TYPES
+from tp_controller.robot.srdf import SRDF
 from tp_controller.solvers import DEFAULT, INVERSES, SATURATIONS, SOLVER_TYPES
 from tp_controller.tasks import COMMON, TASK_TYPES
 
 URDF = 'robot.urdf'
 DESCRIPTION = 'robot_description'
+START = 'start'
+HOLD, TARGET = STARTS = ('hold', 'target')
 COMMAND_TYPES = ('joint_state', 'float64_multi_array')
 
 SHARED: Mapping[str, Parameter] = {
@@ -35,6 +38,11 @@ SHARED: Mapping[str, Parameter] = {
     ),
     'robot.urdf': Parameter(
         TEXT, 'Description in place of dh: a path, or package://<package>/<path>'
+    ),
+    SRDF: Parameter(
+        TEXT,
+        'SRDF whose disable_collisions self_collision leaves out: a path, or '
+        'package://<package>/<path>',
     ),
     'robot_description': Parameter(
         TEXT, 'URDF in place of both; without any of the three, taken from the topic of that name'
@@ -75,6 +83,28 @@ SHARED: Mapping[str, Parameter] = {
         'Largest acceleration [rad/s², m/s²], one value or one per joint; needs rate',
         above=0.0,
         runtime=True,
+    ),
+    'robot.delay': Parameter(
+        NUMBERS,
+        'Time [s] from a joint state to when the command that answers it acts, one value or one '
+        'per joint; 0 if it acts at once',
+        minimum=0.0,
+    ),
+    'robot.lag': Parameter(
+        NUMBERS,
+        'Time constant [s] with which velocities follow the command, one value or one per joint',
+        minimum=0.0,
+    ),
+    'robot.noise': Parameter(
+        NUMBERS,
+        'Amplitude [rad, m] of the noise in measured positions, one value or one per joint',
+        minimum=0.0,
+    ),
+    'robot.hold': Parameter(
+        NUMBER,
+        'Time [s] for which the arm may go on with a command because the next is late or lost',
+        default=0.0,
+        minimum=0.0,
     ),
     LINK_RADIUS: Parameter(
         NUMBERS,
@@ -140,13 +170,14 @@ CONTROLLER: Mapping[str, Parameter] = {
     ),
     'rate': Parameter(
         NUMBER,
-        'Joint states per second [Hz]; position and acceleration limits and set-based tasks '
-        'need it',
+        'Joint states per second [Hz]; position and acceleration limits, those of a URDF too, '
+        'and set-based tasks need it',
         above=0.0,
     ),
     'timeouts.joint_state': Parameter(
         NUMBER,
-        'Time [s] without a joint state after which the command goes to zero',
+        'Age [s] at which a joint state moves nothing; without newer ones the arm is braked '
+        'to rest',
         default=0.1,
         above=0.0,
     ),
@@ -155,6 +186,13 @@ CONTROLLER: Mapping[str, Parameter] = {
         'Age [s] after which a feedforward message gives way to the configured value',
         default=0.5,
         above=0.0,
+    ),
+    START: Parameter(
+        TEXT,
+        'First targets of the tasks in the hierarchy: hold takes their values at the first joint '
+        'state, so that the arm stays where it is until a goal comes; target those of the file',
+        default=STARTS[0],
+        choices=STARTS,
     ),
     'hierarchy': Parameter(
         TEXTS,
@@ -265,7 +303,7 @@ def task_schema(name: str, flat: Mapping[str, Any]) -> dict[str, Parameter]:
     """
     if not NAME.fullmatch(name):
         raise InvalidValue(
-            f'tasks.{name}',
+            f'tasks.{name[:80]}',
             f'a task called {shown(name)}',
             'names of up to 80 letters, digits and _ that begin with a letter',
         )

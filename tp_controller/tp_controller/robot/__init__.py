@@ -7,16 +7,19 @@ from tp_controller.robot.dh import DHParameters, dh_robot
 from tp_controller.robot.limits import Limits
 from tp_controller.robot.model import Coupling, Frame, Robot
 from tp_controller.robot.pairs import link_pairs, obstacle_clearance, self_clearance
+from tp_controller.robot.response import Response
 from tp_controller.robot.shapes import Shape, capsule, half_space, sphere
-from tp_controller.robot.urdf import read_description, urdf_robot
+from tp_controller.robot.urdf import LONGEST_URDF, read_description, urdf_robot
 
 __all__ = [
+    'LONGEST_URDF',
     'Bodies',
     'Clearance',
     'Coupling',
     'DHParameters',
     'Frame',
     'Limits',
+    'Response',
     'Robot',
     'Shape',
     'capsule',

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from xml.etree import ElementTree
 
 import coal
@@ -31,6 +31,7 @@ def robot_bodies(
     description: str | None = None,
     link_radius: Sequence[float] | None = None,
     capsules: Mapping[str, Sequence[float]] | None = None,
+    read: Callable[[str, Collection[str]], Bodies] | None = None,
 ) -> Bodies:
     """Shapes of a robot's links.
 
@@ -49,6 +50,8 @@ def robot_bodies(
     capsules
         For links by name, in place of what they would have: seven values a capsule, x y z
         of its start, x y z of its end and its radius [m] in the link's frame.
+    read
+        Reads the shapes of a description; `described_bodies` when left out.
 
     Raises
     ------
@@ -57,7 +60,7 @@ def robot_bodies(
         collision shape that cannot be used.
     """
     given = {}
-    links = _links(robot)
+    links = robot_links(robot)
     for link, values in (capsules or {}).items():
         key = f'{CAPSULES}{link}'
         if link not in links:
@@ -67,10 +70,10 @@ def robot_bodies(
         except InvalidValue as error:
             raise InvalidValue(key, error.got, error.accepts) from None
     if link_radius is not None:
-        own = _along_links(robot, link_radius)
+        own: Bodies = _along_links(robot, link_radius)
     else:
-        own = {} if description is None else _described(description, given)
-    found = own | given
+        own = {} if description is None else (read or described_bodies)(description, given)
+    found = {**own, **given}
     return {link: found[link] for link in links if link in found}
 
 
@@ -82,7 +85,8 @@ def body_place(robot: Robot, link: str) -> tuple[int, pin.SE3]:
     return frame.parentJoint, frame.placement
 
 
-def _links(robot: Robot) -> tuple[str, ...]:
+def robot_links(robot: Robot) -> tuple[str, ...]:
+    """Names of a robot's links, that of the base included, from the base outwards."""
     if robot.base_frame in robot.frames:
         return robot.frames
     return (robot.base_frame, *robot.frames)
@@ -127,8 +131,21 @@ def _along_links(robot: Robot, radius: Sequence[float]) -> dict[str, tuple[Shape
     return bodies
 
 
-def _described(description: str, without: Mapping[str, object]) -> dict[str, tuple[Shape, ...]]:
-    """Collision shapes of a description that has been read before."""
+def described_bodies(description: str, without: Collection[str] = ()) -> Bodies:
+    """Collision shapes of a description that has been read before, by link.
+
+    Parameters
+    ----------
+    description
+        A URDF that a robot could be made of.
+    without
+        Links whose shapes are left out.
+
+    Raises
+    ------
+    InvalidValue
+        For a shape that cannot be used.
+    """
     bodies = {}
     for link in ElementTree.fromstring(description).findall('link'):
         name = str(link.get('name'))

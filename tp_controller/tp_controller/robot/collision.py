@@ -71,6 +71,8 @@ class Clearance:
     ----------
     names
         Name of each row: a link, or two links ``a - b``.
+    links
+        The link of each row, and the other one, None for the obstacle.
     distance
         Distance (k,) [m] of every row that is nearer than its threshold, of the others a
         lower bound that is not below the threshold; filled by `update`.
@@ -88,6 +90,7 @@ class Clearance:
         self._lower_bounds = lower_bounds
         self.robot = robot
         self.names = tuple(row.name for row in rows)
+        self.links = tuple((row.link, row.other) for row in rows)
         self._geometry = pin.GeometryModel()
         self._hulls: list[tuple[Matrix, float]] = []
         self._obstacle = obstacle
@@ -166,9 +169,18 @@ class Clearance:
             if rows.size:
                 self._fill_slope(rows)
 
-    def probe(self, out: Vector) -> None:
-        """Write what `update` would make of `distance` (k,) to ``out``, and nothing else."""
-        self._measure(self._pair_threshold, out)
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
+        """Write what `update` would make of `distance` (k,) to ``out``, and nothing else.
+
+        Parameters
+        ----------
+        out
+            The distances.
+        enough
+            Distances (k,) [m] that take the place of the thresholds.
+        """
+        threshold = self._pair_threshold if enough is None else enough[self._row_of]
+        self._measure(threshold, out)
 
     def distances(self) -> Vector:
         """Every distance (k,) [m], however far; leaves `distance` and `slope` as they are."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import InvalidValue, shown
+from tp_controller.errors import NO_VALUE, InvalidValue, listed, shown
 
 Vector = NDArray[np.float64]
 
@@ -66,6 +67,30 @@ class Limits:
             setattr(new, key, getattr(other, key))
         new._check_ranges()
         return new
+
+    def check_period(self, joints: Sequence[str], period: float) -> None:
+        """Check that the ranges can be kept: that takes steps of a known time.
+
+        Parameters
+        ----------
+        joints
+            Names of the joints (n,).
+        period
+            Time [s] of one step; infinite if unknown.
+
+        Raises
+        ------
+        InvalidValue
+            For a range without a period.
+        """
+        if math.isfinite(period):
+            return
+        ends = np.isfinite(self.position_min) | np.isfinite(self.position_max)
+        if ends.any():
+            named = listed(joint for joint, kept in zip(joints, ends, strict=True) if kept)
+            raise InvalidValue(
+                'rate', NO_VALUE, f'joint states per second, to keep the ranges of {named}'
+            )
 
     def _check_ranges(self) -> None:
         if not np.all(self.position_min < self.position_max):

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.robot.limits import Limits
-from tp_controller.robot.reach import Path, joint_path, path_speeds
+from tp_controller.robot.reach import Path, crossings, joint_path, path_speeds
+from tp_controller.robot.response import Response
 from tp_controller.robot.shapes import Shape
 
 Vector = NDArray[np.float64]
@@ -78,9 +79,13 @@ class Robot:
         self.n = len(self.joints)
         self.base_frame = base_frame
         self.limits = limits if limits is not None else Limits(self.n)
+        self.response = Response.of(self.n)
+        """What the arm makes of its commands; ideal at first. Tasks and stacks that are made
+        later go by it."""
         self.wrapping = tuple(wrapping) if wrapping is not None else (False,) * self.n
         self._model = model
         self._data = model.createData()
+        self._crossings = crossings(model)
         self.coupling = coupling
         """How the joints of the model follow the controlled ones, None if they are the same."""
         self._q = np.zeros(self.n)
@@ -94,6 +99,8 @@ class Robot:
         self.base: Frame = Frame.standing(base_frame, self.n)
         """The base frame itself, which never moves."""
         self._lines = lines
+        self.disabled_pairs: frozenset[frozenset[str]] = frozenset()
+        """Pairs of links that need not be kept apart, by name."""
         self.body_source: Callable[[], Mapping[str, tuple[Shape, ...]]] = dict
         """Makes `bodies` when they are first asked for."""
         self.update(self._q)
@@ -186,10 +193,12 @@ class Robot:
 
         As `reach`; the shape and the path as for `path_speeds`.
         """
-        S, offset = self.coupling or (np.eye(self.n), np.zeros(self.n))
         farthest = np.maximum(-self.limits.position_min, self.limits.position_max)
+        if self.coupling is None:
+            return path_speeds(self._crossings, farthest, path, points, radius)
+        S, offset = self.coupling
         slides = np.abs(offset) + _products(S, farthest).sum(axis=1)
-        speeds = path_speeds(self._model, slides, path, points, radius)
+        speeds = path_speeds(self._crossings, slides, path, points, radius)
         return _products(S.T, speeds).sum(axis=1)
 
     @property

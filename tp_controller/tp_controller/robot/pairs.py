@@ -83,7 +83,8 @@ def self_clearance(
     bodies
         The shapes of its links.
     pairs
-        The pairs of links; `link_pairs` when left out.
+        The pairs of links; `link_pairs` without those that the robot has disabled when left
+        out.
     ignore
         Pairs that are left out, in either order.
 
@@ -98,7 +99,11 @@ def self_clearance(
             if not joint_path(robot.model, *(body_place(robot, link)[0] for link in pair)):
                 raise InvalidValue(key, shown(' '.join(pair)), 'links with a joint in between')
     left_out = {frozenset(pair) for pair in ignore}
-    chosen = link_pairs(robot, bodies) if pairs is None else pairs
+    if pairs is None:
+        chosen: Sequence[tuple[str, str]] = link_pairs(robot, bodies)
+        left_out |= robot.disabled_pairs
+    else:
+        chosen = pairs
     rows = [
         Row(f'{a} - {b}', a, bodies[a], b, bodies[b])
         for a, b in chosen

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -23,8 +25,41 @@ def joint_path(model: pin.Model, start: int, end: int) -> list[tuple[int, bool]]
     return path + [(joint, False) for joint in reversed(down) if joint not in up]
 
 
+class Crossing(NamedTuple):
+    """What a joint means for a shape beyond it; plain numbers, which are quicker one by one."""
+
+    row: int
+    """Its place among the velocities."""
+    turning: bool
+    axis: tuple[float, float, float]
+    """Direction of the axis in the joint's frame."""
+    rotation: tuple[float, ...]
+    """Of the joint's frame in that of the one before, row by row (9,)."""
+    place: tuple[float, float, float]
+    """Origin of the joint's frame in that of the one before [m]."""
+
+
+def crossings(model: pin.Model) -> tuple[Crossing, ...]:
+    """Facts about every joint of a model, that of the base included."""
+    data, found = model.createData(), []
+    for joint in range(model.njoints):
+        pose = model.jointPlacements[joint]
+        subspace = np.ravel(data.joints[joint].S) if joint else np.zeros(6)
+        turning = bool(subspace[3:].any())
+        found.append(
+            Crossing(
+                model.joints[joint].idx_v,
+                turning,
+                tuple((subspace[3:] if turning else subspace[:3]).tolist()),
+                tuple(pose.rotation.ravel().tolist()),
+                tuple(pose.translation.tolist()),
+            )
+        )
+    return tuple(found)
+
+
 def path_speeds(
-    model: pin.Model, slides: Vector, path: Path, points: Matrix, radius: float
+    joints: Sequence[Crossing], slides: Vector, path: Path, points: Matrix, radius: float
 ) -> Vector:
     """Bound (m,) on the speed of a shape seen from the end of a path, per joint speed.
 
@@ -34,8 +69,8 @@ def path_speeds(
 
     Parameters
     ----------
-    model
-        The model, with m joints of one position each.
+    joints
+        The `crossings` of the model, with m joints of one position each.
     slides
         Farthest position (m,) [m] of every sliding joint from its zero, either way.
     path
@@ -44,20 +79,28 @@ def path_speeds(
         Balls around points (p, 3) [m] of that link, in the frame of its joint, whose convex
         hull contains the shape.
     """
-    bounds, data = np.zeros(model.nv), model.createData()
+    bounds, ends = np.zeros(len(joints) - 1), points.tolist()
     for joint, up in path:
-        row = model.joints[joint].idx_v
-        placement = model.jointPlacements[joint]
+        row, turning, (a, b, c), rotation, (p, q, r) = joints[joint]
         if not up:
-            points = (points - placement.translation) @ placement.rotation
-        subspace = np.ravel(data.joints[joint].S)
-        turning = bool(subspace[3:].any())
-        axis = subspace[3:] if turning else subspace[:3]
-        aside = points - np.outer(points @ axis, axis)
-        bounds[row] = radius + _longest(aside) if turning else 1.0
-        radius += _longest(points) + (0.0 if turning else slides[row])
-        points = placement.translation[None] if up else np.zeros((1, 3))
+            ends = [_turned_back(rotation, x - p, y - q, z - r) for x, y, z in ends]
+        far = max(x * x + y * y + z * z for x, y, z in ends)
+        aside = max(
+            (y * c - z * b) ** 2 + (z * a - x * c) ** 2 + (x * b - y * a) ** 2 for x, y, z in ends
+        )
+        bounds[row] = radius + math.sqrt(aside) if turning else 1.0
+        radius += math.sqrt(far) + (0.0 if turning else slides[row])
+        ends = [(p, q, r) if up else (0.0, 0.0, 0.0)]
     return bounds
+
+
+def _turned_back(R: Sequence[float], x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Vector in the frame of a rotation that is given row by row (9,)."""
+    return (
+        R[0] * x + R[3] * y + R[6] * z,
+        R[1] * x + R[4] * y + R[7] * z,
+        R[2] * x + R[5] * y + R[8] * z,
+    )
 
 
 def _ancestors(model: pin.Model, joint: int) -> list[int]:
@@ -66,7 +109,3 @@ def _ancestors(model: pin.Model, joint: int) -> list[int]:
         chain.append(joint)
         joint = model.parents[joint]
     return chain
-
-
-def _longest(vectors: Matrix) -> float:
-    return float(np.sqrt(np.einsum('ij,ij->i', vectors, vectors).max()))

@@ -26,6 +26,8 @@ Vector = NDArray[np.float64]
 
 KEY = 'robot.urdf'
 PACKAGE = 'package://'
+LONGEST_URDF = 10_000_000
+"""Length of a description [characters] that is read."""
 MOVABLE = ('revolute', 'continuous', 'prismatic')
 TYPES = (*MOVABLE, 'fixed')
 KINEMATIC = ('parent', 'child', 'origin', 'axis', 'limit')
@@ -159,6 +161,9 @@ def urdf_robot(
 
 def _read(text: str) -> tuple[ElementTree.Element, dict[str, _Joint]]:
     """Kinematic part of a description: the elements for Pinocchio, and the joints by name."""
+    if len(text) > LONGEST_URDF:
+        accepts = f'a URDF of up to {LONGEST_URDF} characters'
+        raise InvalidValue(KEY, f'{len(text)} characters', accepts)
     try:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:

@@ -2,52 +2,61 @@
 
 from __future__ import annotations
 
+import gc
+import math
 import time
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-from builtin_interfaces.msg import Time
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.duration import Duration
-from rclpy.parameter import Parameter as RosParameter
-from rclpy.subscription import Subscription
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.timer import Timer
 from visualization_msgs.msg import MarkerArray
 
-from tp_controller.config import (
-    build_settings,
-    check_changes,
-    controller_schema,
-    read_parameters,
-)
-from tp_controller.errors import InvalidValue, UnusableState
-from tp_controller.ros.feedforward import FeedforwardOverrides
-from tp_controller.ros.goals import FEEDFORWARD_TYPES, GOAL_TYPES, GoalReader
-from tp_controller.ros.joint_states import JointStateReader, RateCheck
+from tp_controller.config import HOLD, START, build_settings, know_rate, read_parameters
+from tp_controller.errors import InvalidValue
+from tp_controller.ros.commands import CommandPublisher
+from tp_controller.ros.cycle import ZEROS, ControlFailed, Cycle
+from tp_controller.ros.intake import Intake
+from tp_controller.ros.live_parameters import LiveParameters
 from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
 from tp_controller.ros.markers import Markers
-from tp_controller.ros.parameters import ROS_OWN, describe_parameters
+from tp_controller.ros.neighbours import Neighbours
 from tp_controller.ros.robot_node import HEARTBEAT, RobotNode
-from tp_controller.ros.state import StateMessage, field_view
+from tp_controller.ros.state import StateMessage
+from tp_controller.ros.state_watch import StateWatch
+from tp_controller.ros.task_inputs import TaskInputs
 from tp_controller.ros.task_services import TaskServices
+from tp_controller.ros.warnings import PERIOD as WARNING_PERIOD
+from tp_controller.ros.warnings import Warnings
 from tp_controller.tasks import Task
 from tp_interfaces.msg import ControllerState
 
-QUEUE_DEPTH = 100
-"""Messages that wait while the process is not scheduled: 0.1 s at 1 kHz."""
+STATE_QUEUE_DEPTH = 100
+LEAST_STATE_PERIOD = 0.01
+"""Least time [s] between two states that are published without a cycle."""
+LONGEST_SILENCE = 0.1
+"""Time [s] after which the state is published even while joint states wait."""
+NEIGHBOUR_PERIOD = 1.0
+"""Time [s] between two looks for other publishers."""
+IN_A_ROW = 3
+"""So many joint states are answered before other work, if they wait already."""
 
 
 class ControllerNode(RobotNode):
-    """Answers every joint state with a joint velocity command."""
+    """Answers joint states with joint velocity commands.
+
+    Its executor calls `work` after every callback. There the newest joint state is answered
+    first; one piece of other work at a time follows while none waits.
+    """
 
     def __init__(self) -> None:
         # An undeclared name then reaches `_check_parameters`, which knows what is meant.
         super().__init__('tp_controller', allow_undeclared_parameters=True)
-        self._state_publisher = self.create_publisher(ControllerState, '~/state', QUEUE_DEPTH)
+        self._state_publisher = self.create_publisher(
+            ControllerState, '~/state', STATE_QUEUE_DEPTH
+        )
         self.begin()
 
     def check(self, given: Mapping[str, Any]) -> None:
@@ -61,248 +70,226 @@ class ControllerNode(RobotNode):
 
     def start(self, given: Mapping[str, Any], description: str | None) -> None:
         """Build the stack of tasks and listen to joint states and goals."""
-        self._settings = build_settings(given, description)
+        self._settings = build_settings({START: HOLD, **given}, description, find_rate=True)
         values = self._settings.values
-        self._schema = controller_schema(values)
-        describe_parameters(self, self._schema, values)
         self._stack = self._settings.stack
         robot = self._stack.robot
+        rate, limit = values['rate'], values['timeouts.joint_state']
+        period = 1.0 / rate if rate else math.inf
 
-        self._q = np.zeros(robot.n)
-        self._stamp = Time()
-        self._joint_states = JointStateReader(robot.joints)
-        self._rate_check = RateCheck(values['rate']) if values['rate'] else None
-        self._goals = GoalReader(robot)
-        self._feedforwards = FeedforwardOverrides(
-            values['timeouts.feedforward'], self._configured_feedforward
-        )
         self._state = StateMessage(self._stack)
-        self._warned: dict[str, tuple[str, float]] = {}
-        self._last_seen = 0.0
-        self._last_heartbeat = 0.0
-
-        self._make_command_publisher(values['command.type'])
-        self._inputs: dict[str, list[Subscription]] = {}
+        self._parameters = LiveParameters(self, self._settings, self._state.follow_hierarchy)
+        self._warnings = Warnings(self._log_warning)
+        self._inputs = TaskInputs(self, self._settings, self._state, self._warnings, period)
         for task in self._stack.tasks.values():
-            self._listen(task)
-        self.create_subscription(JointState, 'joint_states', self._on_joint_state, QUEUE_DEPTH)
-        self._stale_after = values['timeouts.joint_state']
-        self.create_timer(
-            min(self._stale_after / 4.0, HEARTBEAT),
-            self._watch,
-            clock=Clock(clock_type=ClockType.STEADY_TIME),
+            list(self._listen(task))
+        self._warn_of_feedforwards()
+        watch = StateWatch(limit, period)
+        intake = self._intake = Intake(self, watch)
+        commands = CommandPublisher(self, robot, values['command.type'])
+        self._commands, self._watch = commands, watch
+        self._cycle = Cycle(
+            self._stack,
+            intake,
+            watch,
+            commands,
+            self._state.msg,
+            self._warnings,
+            self.get_logger(),
+            rate,
+            limit,
+            self._inputs.feedforwards,
+            self._inputs.handle,
+            self._found_rate if self._needs_rate() else None,
         )
+        self._neighbours = Neighbours(self, commands.topic, intake.topic, self._warnings)
         self._markers = Markers(robot, self._state.msg, self._stack.tasks.values())
         self._marker_publisher = self.create_publisher(MarkerArray, '~/markers', 10)
-        self.create_timer(
-            MARKER_PERIOD, self._publish_markers, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
-        self._declaring = False
-        self._pending_changes: Callable[[], None] | None = None
-        self.add_on_set_parameters_callback(self._check_parameters)
-        self.add_post_set_parameters_callback(self._apply_parameters)
+        self._due = False
+        self._published = self._heartbeat_at = -math.inf
+        self._make_timer(self._cycle.look_period, self._look)
+        self._make_timer(MARKER_PERIOD, self._publish_markers)
+        self._make_timer(NEIGHBOUR_PERIOD, self._look_around)
+        self._braking = self._make_timer(self._cycle.braking_period, self._brake)
+        self._braking.cancel()
         TaskServices(self, self._settings, self._on_task_added, self._on_task_removed)
         self.get_logger().info(f'waiting for joint states; tasks by level: {self._levels()}')
+        # What is there now stays: the collector need not look at it again, which takes long.
+        gc.collect()
+        gc.freeze()
 
-    def stop(self) -> None:
-        """Bring the robot to rest: publish a zero command and give it time to arrive."""
+    def stop(self) -> str:
+        """Bring the robot to rest."""
         if not self.started:
-            return
-        self._publish_zero()
-        self._command_publisher.wait_for_all_acked(Duration(seconds=0.2))
+            return ''
+        try:
+            return self._cycle.rest()
+        except Exception as error:
+            self._commands.send(0.0)
+            self._commands.wait_until_arrived()
+            return f'zero command sent, as braking failed: {type(error).__name__}: {error}'
+
+    def survives(self, error: Exception) -> bool:
+        """Go on if control itself is not concerned; say so."""
+        if not self.started or isinstance(error, ControlFailed | rclpy_implementation.RCLError):
+            return False
+        trace = ''.join(traceback.format_exception(error))
+        self.get_logger().error(
+            f'a callback failed, control goes on: {type(error).__name__}: {error}\n{trace}',
+            throttle_duration_sec=WARNING_PERIOD,
+        )
+        return True
 
     def _levels(self) -> str:
         return ', '.join(self._stack.hierarchy)
 
-    def _listen(self, task: Task) -> None:
-        """Take goals and feedforwards of a task."""
-        self._inputs[task.name] = [
-            self.create_subscription(
-                types[task.type], f'~/{task.name}/{topic}', partial(callback, task), 10
+    def _log_warning(self, line: str) -> None:
+        self.get_logger().warning(line)
+
+    def _make_timer(self, period: float, callback: Callable[[], None]) -> Timer:
+        return self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _warn_of_feedforwards(self) -> None:
+        if self._settings.values[START] != HOLD:
+            return
+        for name, task in self._stack.tasks.items():
+            if self._stack.level_of(name) >= 0 and task.feedforward.any():
+                self._log_warning(
+                    f'tasks.{name}.feedforward moves the arm from the start, though start is hold'
+                )
+
+    def _needs_rate(self) -> bool:
+        """Whether there are ranges to keep without a rate, which is said."""
+        try:
+            self._stack.robot.limits.check_period(
+                self._stack.robot.joints, self._stack.safety_filter.period
             )
-            for types, topic, callback in (
-                (GOAL_TYPES, 'goal', self._on_goal),
-                (FEEDFORWARD_TYPES, 'feedforward', self._on_feedforward),
+        except InvalidValue as error:
+            self._warnings.warn(
+                'rate', f'{error}: the arm rests until it is found from the joint states'
             )
-            if task.type in types
-        ]
+            return True
+        return False
+
+    def _found_rate(self, rate: float) -> None:
+        """Keep ranges from now on."""
+        know_rate(self._settings, rate)
+        self._watch.period = 1.0 / rate
+        self._inputs.know_period(1.0 / rate)
+        self._braking.timer_period_ns = round(1e9 / rate)
+        self._warnings.clear('rate')
+        self._warnings.warn(
+            'found rate', f'rate: {rate:.4g} Hz, found from the joint states; ranges are kept'
+        )
+        for task in self._stack.tasks.values():
+            self._warn_of(task)
+
+    def _warn_of(self, task: Task) -> None:
         for warning in task.warnings:
-            self.get_logger().warning(warning)
+            self._log_warning(warning)
 
-    def _on_task_added(self, task: Task) -> None:
-        self._schema = controller_schema(self._settings.values)
-        own = {key: p for key, p in self._schema.items() if key.startswith(f'tasks.{task.name}.')}
-        self._declaring = True
-        describe_parameters(self, own, self._settings.values)
-        self._declaring = False
-        self._listen(task)
-        self._follow_tasks()
+    # Tasks
 
-    def _on_task_removed(self, task: Task, keys: Sequence[str]) -> None:
-        self._schema = controller_schema(self._settings.values)
-        for key in keys:
-            if self.has_parameter(key):
-                self.undeclare_parameter(key)
-        for subscription in self._inputs.pop(task.name):
-            self.destroy_subscription(subscription)
-        self._feedforwards.forget(task)
+    def _listen(self, task: Task) -> Iterator[None]:
+        """Take inputs of a task, with pauses, and say what there is to say about it."""
+        yield from self._inputs.listen(task)
+        self._warn_of(task)
+
+    def _on_task_added(self, task: Task) -> Iterator[None]:
         self._follow_tasks()
+        yield
+        yield from self._parameters.declare(task)
+        yield from self._listen(task)
+
+    def _on_task_removed(self, task: Task, keys: Sequence[str]) -> Iterator[None]:
+        self._inputs.forget(task)
+        self._follow_tasks()
+        yield
+        self._parameters.forget(keys)
 
     def _follow_tasks(self) -> None:
         self._state.follow_tasks()
         self._markers.follow_tasks(self._stack.tasks.values())
 
-    # Cycle
+    # Cycle, and what is done between two of them
 
-    def _on_joint_state(self, msg: JointState) -> None:
-        start = time.perf_counter()
-        state = self._state.msg
+    def work(self) -> None:
+        """Answer the newest joint state; then do a piece of other work while none waits."""
+        if not self.started:
+            return
+        for turn in range(1, IN_A_ROW + 1):
+            if not self._control():
+                break
+            self._publish_cycle(turn < IN_A_ROW)
+        else:
+            return
+        self._due |= self._inputs.handle(self._cycle.duration)
+        if self._due and time.monotonic() - self._published >= LEAST_STATE_PERIOD:
+            if self._cycle.running:
+                self._state.refresh(self._commands.velocity)
+            self._publish_state()
+
+    def _control(self) -> bool:
+        """Answer the newest joint state that waits, if there is one; return whether it was."""
+        if not self._cycle.work():
+            return False
+        if not self._braking.is_canceled():
+            self._braking.cancel()
+        self._inputs.robot_seen()
+        return True
+
+    def _publish_cycle(self, explain: bool) -> None:
+        """Publish the state of a cycle; of some only, if these are too many already."""
+        if not self._state_publisher.get_subscription_count():
+            return
+        if self._cycle.behind and time.monotonic() - self._published < LONGEST_SILENCE:
+            self._due = True
+            return
+        self._state.refresh(self._commands.velocity)
         try:
-            self._joint_states.read(msg, self._q)
-            if self._feedforwards:
-                self._feedforwards.expire(msg.header.stamp)
-            # Who sends a state again has not moved since.
-            again = self._stamp == msg.header.stamp and any(
-                (msg.header.stamp.sec, msg.header.stamp.nanosec)
-            )
-            if again:
-                self._stack.undo()
-            self._stamp = msg.header.stamp
-            step = self._stack.step(self._q)
-            state.solve_time = time.perf_counter() - start
-        except InvalidValue as error:
-            state.ignored_states += 1
-            self._warn('joint states', f'joint state ignored: {error}')
-            return
-        except UnusableState as error:
-            state.ignored_states += 1
-            self._warn('commands', f'no command: {error}')
-            if error.command is not None:
-                self._send(error.command, msg)
-            return
-        self._send(step.command, msg)
-        if not again and self._rate_check and (problem := self._rate_check.see(msg.header.stamp)):
-            self._warn('rate', problem)
-        self._last_seen = time.monotonic()
-        state.cycles += 1
-        state.header.stamp = msg.header.stamp
-        state.scale = step.scale
-        if state.status != ControllerState.RUNNING:
-            state.status = ControllerState.RUNNING
-            self.get_logger().info('running')
-            self._goals.robot_seen = True
-        if self._state_publisher.get_subscription_count():
-            self._state.refresh(step.command)
-            self._state.explain(msg.header.stamp)
-            self._state_publisher.publish(state)
+            if explain:
+                self._state.explain(self._intake.waits)
+        except Exception as error:
+            self._state.forget_explanation()
+            self._warnings.warn('explanation', f'no explanation: {type(error).__name__}: {error}')
+        self._publish_state()
 
-    def _send(self, command: np.ndarray, msg: JointState) -> None:
-        """Publish a command (n,) that answers a joint state."""
-        self._velocity[:] = command
-        if self._stamped:
-            self._command.header.stamp = msg.header.stamp
-        self._command_publisher.publish(self._command)
+    def _publish_state(self) -> None:
+        self._due = False
+        self._published = time.monotonic()
+        self._state.msg.message = self._warnings.message
+        self._state_publisher.publish(self._state.msg)
 
-    def _watch(self) -> None:
+    def _look(self) -> None:
         """Bring the robot to rest when joint states stop, and show that the node lives."""
+        if self._control():
+            self._publish_cycle(False)
+        for task in self._stack.tasks.values():
+            for notice in task.take_notices():
+                self._warnings.warn(f'{task.name} contact', notice)
         now = time.monotonic()
-        state = self._state.msg
-        if state.status == ControllerState.RUNNING:
-            if now - self._last_seen <= self._stale_after:
-                return
-            self._publish_zero()
-            self._state.refresh(self._velocity)
-            state.status = ControllerState.STALE
-            if self._rate_check:
-                self._rate_check.restart()
-            self.get_logger().warning(f'no joint state for {self._stale_after:g} s: zero command')
-        elif now - self._last_heartbeat < HEARTBEAT:
+        if self._cycle.look():
+            self._brake()
+            self._braking.reset()
+            self._heartbeat_at = -math.inf
+        if self._cycle.running or now - self._heartbeat_at < 0.999 * HEARTBEAT:
             return
-        self._last_heartbeat = now
-        self._state_publisher.publish(state)
+        self._heartbeat_at = now
+        if self._cycle.zeros >= ZEROS:
+            self._cycle.brake()
+        self._publish_state()
+
+    def _brake(self) -> None:
+        self._cycle.brake()
+        self._state.refresh(self._commands.velocity)
+        if self._cycle.zeros >= ZEROS:
+            self._braking.cancel()
 
     def _publish_markers(self) -> None:
-        if self._goals.robot_seen and self._marker_publisher.get_subscription_count():
+        if self._state.msg.cycles and self._marker_publisher.get_subscription_count():
             self._marker_publisher.publish(self._markers.array(self.get_clock().now().to_msg()))
 
-    def _make_command_publisher(self, command_type: str) -> None:
-        n = self._stack.robot.n
-        self._stamped = command_type == 'joint_state'
-        if self._stamped:
-            self._command: Any = JointState(name=list(self._stack.robot.joints))
-            self._command.header.frame_id = self._stack.robot.base_frame
-            self._velocity = field_view(self._command, 'velocity', n)
-        else:
-            self._command = Float64MultiArray()
-            self._velocity = field_view(self._command, 'data', n)
-        self._command_publisher = self.create_publisher(
-            type(self._command), 'joint_velocity_command', QUEUE_DEPTH
-        )
-
-    def _publish_zero(self) -> None:
-        self._velocity[:] = 0.0
-        self._stack.rest()
-        if self._stamped:
-            # It answers no joint state; an old stamp could make a driver drop it.
-            self._command.header.stamp = self.get_clock().now().to_msg()
-        self._command_publisher.publish(self._command)
-
-    # Input while running
-
-    def _on_goal(self, task: Task, msg: Any) -> None:
-        try:
-            task.target = self._goals.target(task, msg)
-        except InvalidValue as error:
-            self._reject(task, 'goal', error)
-        else:
-            self._state.task(task.name).accepted_goals += 1
-            self._state.refresh_target(task.name, self._goals.robot_seen)
-        self._state_publisher.publish(self._state.msg)
-
-    def _on_feedforward(self, task: Task, msg: Any) -> None:
-        configured = self._configured_feedforward(task)
-        try:
-            task.feedforward = self._goals.feedforward(task, msg, configured)
-        except InvalidValue as error:
-            self._reject(task, 'feedforward', error)
-        else:
-            self._state.task(task.name).accepted_feedforwards += 1
-            self._feedforwards.begin(task)
-        self._state_publisher.publish(self._state.msg)
-
-    def _configured_feedforward(self, task: Task) -> np.ndarray:
-        return np.array(self._settings.values[f'tasks.{task.name}.feedforward'])
-
-    def _reject(self, task: Task, what: str, error: InvalidValue) -> None:
-        self._state.msg.rejected_goals += 1
-        entry = self._state.task(task.name)
-        entry.rejected_goals += 1
-        entry.message = f'{what} rejected: {error}'
-        self._warn(f'{task.name} {what}', f'{task.name}: {entry.message}')
-
-    def _warn(self, subject: str, message: str) -> None:
-        """Log a warning, the same about the same subject at most once a second."""
-        self._state.msg.message = message
-        now = time.monotonic()
-        text, when = self._warned.get(subject, ('', 0.0))
-        if text != message or now - when >= 1.0:
-            self._warned[subject] = (message, now)
-            self.get_logger().warning(message)
-
-    # Parameters
-
-    def _check_parameters(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
-        if self._declaring:
-            return SetParametersResult(successful=True)
-        changes = {p.name: p.value for p in parameters if not p.name.startswith(ROS_OWN)}
-        try:
-            self._pending_changes = check_changes(self._settings, self._schema, changes)
-        except InvalidValue as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
-
-    def _apply_parameters(self, parameters: Sequence[RosParameter]) -> None:
-        if self._pending_changes is not None:
-            self._pending_changes()
-            self._pending_changes = None
-            self._state.follow_hierarchy()
+    def _look_around(self) -> None:
+        self._warnings.flush()
+        self._neighbours.look()
+        self._watch.single_publisher = self._neighbours.alone

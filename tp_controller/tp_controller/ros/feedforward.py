@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import time
+import math
 from collections.abc import Callable
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 
 from tp_controller.tasks import Task
@@ -15,8 +14,8 @@ from tp_controller.tasks import Task
 class FeedforwardOverrides:
     """Tasks whose feedforward came by topic, and until when it holds.
 
-    Ages are measured by the stamps of the joint states, so that a simulation faster or
-    slower than real time sees the same; by the steady clock where these carry no stamp.
+    Ages are measured by the time between the joint states that are answered, so that a
+    simulation faster or slower than real time sees the same, whatever is done to its clock.
 
     Parameters
     ----------
@@ -27,12 +26,10 @@ class FeedforwardOverrides:
     """
 
     def __init__(self, timeout: float, configured: Callable[[Task], NDArray[np.float64]]) -> None:
-        self._timeout = timeout
+        self._timeout = round(1e9 * timeout)
+        self._now = 0
         self._configured = configured
-        self._ends: dict[Task, float | None] = {}
-
-    def __bool__(self) -> bool:
-        return bool(self._ends)
+        self._ends: dict[Task, int | None] = {}
 
     def begin(self, task: Task) -> None:
         """Let the task's feedforward, just set, hold from the next joint state on."""
@@ -42,18 +39,21 @@ class FeedforwardOverrides:
         """Let a task's feedforward be."""
         self._ends.pop(task, None)
 
-    def expire(self, stamp: Time) -> None:
-        """Give every task whose feedforward is too old its configured value back.
+    def advance(self, seconds: float) -> None:
+        """Let time pass; tasks whose feedforward is too old get their configured value back.
 
         Parameters
         ----------
-        stamp
-            Stamp of the joint state being answered.
+        seconds
+            Time [s] since the joint state that was answered before; negative takes time back.
         """
-        now = stamp.sec + 1e-9 * stamp.nanosec or time.monotonic()
+        if not self._ends:
+            return
+        if math.isfinite(seconds):
+            self._now += round(1e9 * seconds)
         for task, end in list(self._ends.items()):
             if end is None:
-                self._ends[task] = now + self._timeout
-            elif now > end:
+                self._ends[task] = self._now + self._timeout
+            elif self._now > end:
                 task.feedforward = self._configured(task)
                 del self._ends[task]

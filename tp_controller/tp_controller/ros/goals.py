@@ -19,6 +19,7 @@ from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.robot import Frame, Robot
 from tp_controller.rotations import rotation_from_quaternion
 from tp_controller.tasks import FrameTask, JointTask, ObstacleTask, Task, WholeArmTask
+from tp_controller.tasks.base import LARGEST
 from tp_interfaces.msg import TaskState
 
 Vector = NDArray[np.float64]
@@ -107,7 +108,7 @@ class GoalReader:
         assert isinstance(task, FrameTask)
         source = self._frame(msg.header.frame_id, task)
         v, w = msg.twist.linear, msg.twist.angular
-        twist = _finite('feedforward', [v.x, v.y, v.z, w.x, w.y, w.z])
+        twist = _bounded('feedforward', [v.x, v.y, v.z, w.x, w.y, w.z])
         if source is not task.axes:
             A = task.axes.rotation.T @ source.rotation
             twist = np.concatenate([A @ twist[:3], A @ twist[3:]])
@@ -141,6 +142,14 @@ def _finite(key: str, values: Sequence[float]) -> Vector:
     return array
 
 
+def _bounded(key: str, values: Sequence[float]) -> Vector:
+    """Values as they were sent, checked before they are transformed."""
+    array = _finite(key, values)
+    if np.abs(array).max() > LARGEST:
+        raise InvalidValue(key, shown(array), f'numbers up to {LARGEST:g} in size')
+    return array
+
+
 def _pose(msg: PointStamped | QuaternionStamped | PoseStamped) -> tuple[Vector, Matrix]:
     """Position and rotation of a message; what it does not carry is zero."""
     position, rotation = np.zeros(3), np.eye(3)
@@ -149,7 +158,7 @@ def _pose(msg: PointStamped | QuaternionStamped | PoseStamped) -> tuple[Vector, 
     if isinstance(msg, PoseStamped):
         point, quaternion = msg.pose.position, msg.pose.orientation
     if point is not None:
-        position = _finite('goal position', [point.x, point.y, point.z])
+        position = _bounded('goal position', [point.x, point.y, point.z])
     if quaternion is not None:
         xyzw = _finite('goal quaternion', [quaternion.x, quaternion.y, quaternion.z, quaternion.w])
         largest = np.abs(xyzw).max()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 
@@ -34,17 +33,26 @@ class RateCheck:
 
     def restart(self) -> None:
         """Begin to count anew."""
-        self._count = 0
+        self._count: int | None = None
         self._begin = 0.0
 
-    def see(self, stamp: Time) -> str:
-        """Count a joint state; what is wrong with the last hundred, empty if nothing is."""
-        self._count += 1
-        if self._count < STATES:
+    def see(self, received: int, now: float) -> str:
+        """Find what is wrong with the last hundred joint states; empty if nothing is.
+
+        Parameters
+        ----------
+        received
+            Joint states so far, answered or not.
+        now
+            Time [s] of the newest, by its stamp if it has one.
+        """
+        if self._count is None or now < self._begin:
+            self._count, self._begin = received, now
+        count, passed = received - self._count, now - self._begin
+        if count < STATES:
             return ''
-        now = stamp.sec + 1e-9 * stamp.nanosec
-        passed, self._begin, self._count = now - self._begin, now, 0
-        found = STATES / passed if 0.0 < passed < now else self._rate
+        self._count, self._begin = received, now
+        found = count / passed if passed > 0.0 else self._rate
         if SLOW * self._rate <= found <= self._rate / SLOW:
             return ''
         return (
@@ -98,6 +106,20 @@ class JointStateReader:
         if not np.isfinite(picked).all():
             raise InvalidValue(f'{self._what} {self._field}', shown(picked), 'finite numbers')
         out[:] = picked
+
+    def read_velocity(self, msg: JointState, out: NDArray[np.float64]) -> bool:
+        """Write the velocities (n,) of a message that was just read to ``out``, if it has them.
+
+        Returns
+        -------
+        bool
+            Whether it has, one for each name and all finite.
+        """
+        values = msg.velocity
+        if len(values) != len(msg.name):
+            return False
+        out[:] = np.frombuffer(values)[self._indices]
+        return bool(np.isfinite(out).all())
 
     def _find(self, names: Sequence[str]) -> NDArray[np.int_]:
         for joint in self._joints:

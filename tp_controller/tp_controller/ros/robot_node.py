@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
@@ -15,7 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
 from tp_controller.config import robot_source
-from tp_controller.robot import same_description
+from tp_controller.robot import LONGEST_URDF, same_description
 from tp_controller.ros.parameters import given_parameters
 
 TOPIC = 'robot_description'
@@ -50,6 +51,8 @@ class RobotNode(Node, ABC):
         self.started = False
         self._given = given_parameters(self)
         self._description: str | None = None
+        self._differs = False
+        self._comparisons = ThreadPoolExecutor(1, 'descriptions')
 
     @abstractmethod
     def check(self, given: Mapping[str, Any]) -> None:
@@ -81,6 +84,17 @@ class RobotNode(Node, ABC):
     def show_waiting(self, message: str) -> None:
         """Give a sign of life; called while the node waits for its robot."""
 
+    def work(self) -> None:
+        """Do what may not wait; called after every callback."""
+
+    def survives(self, error: Exception) -> bool:
+        """Whether the node can go on after an exception in one of its callbacks; it says so."""
+        return False
+
+    def stop(self) -> str:
+        """Leave the robot safe, for the end of the process; return what was done about it."""
+        return ''
+
     def begin(self) -> None:
         """Start, or wait for the description of the robot and start then.
 
@@ -111,10 +125,17 @@ class RobotNode(Node, ABC):
             self.remove_on_set_parameters_callback(self._refusal)
             self.destroy_timer(self._heartbeat)
             self._start()
-        elif not same_description(self._description, msg.data):
-            self.get_logger().warning(
-                'another robot_description is ignored: a restart takes it', once=True
-            )
+        elif not self._differs and msg.data != self._description:
+            # To compare takes long, and control goes on meanwhile.
+            self._comparisons.submit(self._compare, msg.data)
+
+    def _compare(self, text: str) -> None:
+        """Say once if a description is another than the robot's."""
+        assert self._description is not None
+        same = len(text) <= LONGEST_URDF and same_description(self._description, text)
+        if not same and not self._differs:
+            self._differs = True
+            self.get_logger().warning('another robot_description is ignored: a restart takes it')
 
     def _start(self) -> None:
         self.start(self._given, self._description)

@@ -5,49 +5,60 @@ Nothing heavy is imported before `run_node` has taken charge of the signals.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import signal
 import sys
+import traceback
 from typing import Any
 
 REFUSED = 2
 """Exit status after a configuration that cannot be used."""
 
 
+CRASHED = 1
+"""Exit status after an error that nobody expected."""
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
+"""Signals that end the process in a planned way; they would kill it otherwise."""
+PRIORITY = -10
+"""Nice value of a node, where that is permitted: a busy machine then delays it less."""
+FAILURES = 10
+"""So many callbacks in a row that fail are too many to go on."""
+
+
 class _Stop:
-    """Set by SIGINT and SIGTERM."""
+    """Set by a signal."""
 
     def __init__(self) -> None:
-        self.requested = False
+        self.requested = ''
 
-    def request(self, signum: int, frame: Any) -> None:
+    def request(self, number: int, frame: Any) -> None:
         """Signal handler."""
-        self.requested = True
+        self.requested = signal.Signals(number).name
 
 
 def run_node(name: str, module: str, node_class: str) -> int:
-    """Run one node until SIGINT or SIGTERM.
+    """Run one node until a signal ends it.
 
     Parameters
     ----------
     name
         Default name of the node, for messages.
     module, node_class
-        Where to find the node's class. It is made without arguments, raises
-        `InvalidValue` for a configuration that cannot be used, and has a method ``stop``
-        that leaves the robot safe.
+        Where to find the node's class, a `RobotNode`. It is made without arguments and raises
+        `InvalidValue` for a configuration that cannot be used.
 
     Returns
     -------
     int
-        Exit status: 0 after a signal, 2 after a refused configuration.
+        Exit status: 0 after a signal, 1 after an error, 2 after a refused configuration.
     """
-    for number in (signal.SIGINT, signal.SIGTERM):
+    _ask_for_priority()
+    for number in SIGNALS:
         # Before the node exists there is nothing to bring to rest.
-        signal.signal(number, lambda *_: os._exit(0))
+        _handle(number, lambda *_: os._exit(0))
     import rclpy
-    from rclpy.executors import SingleThreadedExecutor
     from rclpy.signals import SignalHandlerOptions
 
     from tp_controller.errors import NO_VALUE, InvalidValue
@@ -55,8 +66,8 @@ def run_node(name: str, module: str, node_class: str) -> int:
 
     make_node = getattr(importlib.import_module(module), node_class)
     stop = _Stop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, stop.request)
+    for number in SIGNALS:
+        _handle(number, stop.request)
     try:
         arguments.check_parameter_files(sys.argv)
         arguments.check_parameter_rules(sys.argv)
@@ -71,17 +82,61 @@ def run_node(name: str, module: str, node_class: str) -> int:
             raise
         # rcl could not read the arguments; its exceptions have no other root.
         return _refuse(name, arguments.one_line(error))
+    return _spin(name, node, stop)
+
+
+def _handle(number: int, handler: Any) -> None:
+    """Set a signal's handler; who started the process may have it ignore a hang-up (nohup)."""
+    if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+        signal.signal(number, handler)
+
+
+def _ask_for_priority() -> None:
+    """Go before ordinary processes, if the user may; not if a priority was chosen already.
+
+    The threads of the middleware, which start later, do the same.
+    """
+    with contextlib.suppress(OSError):
+        if os.getpriority(os.PRIO_PROCESS, 0) == 0:
+            os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
+
+
+def _spin(name: str, node: Any, stop: _Stop) -> int:
+    """Run a node's callbacks until a signal or an error; then bring it to rest."""
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+
+    from tp_controller.errors import InvalidValue
+
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    status = 0
-    while not stop.requested and status == 0:
-        try:
-            # A signal is seen when the wait ends, so the wait is bounded.
-            executor.spin_once(timeout_sec=0.1)
-        except InvalidValue as error:
-            # Of a node that got to know its robot only now.
-            status = _refuse(name, str(error))
-    node.stop()
+    status, cause, failures = 0, '', 0
+    try:
+        while not stop.requested:
+            try:
+                # A signal is seen when the wait ends, so the wait is bounded.
+                executor.spin_once(timeout_sec=0.1)
+                node.work()
+                failures = 0
+            except InvalidValue as error:
+                # Of a node that got to know its robot only now.
+                if node.started:
+                    raise
+                status = _refuse(name, str(error))
+                break
+            except Exception as error:
+                failures += 1
+                if failures >= FAILURES or not node.survives(error):
+                    raise
+        cause = stop.requested
+    except BaseException as error:
+        status, cause = CRASHED, f'{type(error).__name__}: {error}'
+        traceback.print_exc()
+    rest = node.stop()
+    if rest:
+        print(f'{name}: ended by {cause}: {rest}', file=sys.stderr, flush=True)
+    elif status == CRASHED:
+        print(f'{name}: ended by {cause}', file=sys.stderr, flush=True)
     executor.shutdown()
     node.destroy_node()
     rclpy.try_shutdown()

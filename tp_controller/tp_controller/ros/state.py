@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from array import array
+from collections.abc import Callable, Iterator
+from copy import copy
 from typing import Any
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 
-from tp_controller.explain import Explanation, explain
+from tp_controller.explain import Explanation, explanations
+from tp_controller.ros.state_watch import nanoseconds
 from tp_controller.stack import Stack
 from tp_controller.tasks import SetBasedTask, Task
 from tp_interfaces.msg import ControllerState, LevelState, TaskState
@@ -27,8 +29,8 @@ def field_view(msg: Any, field: str, size: int, value: float = 0.0) -> Vector:
     return np.frombuffer(getattr(msg, field)) if size else np.zeros(0)
 
 
-EXPLANATION_PERIOD = 0.0999
-"""Time [s] between explanations: 0.1, and what is lost to rounding."""
+EXPLANATION_PERIOD = 99_900_000
+"""Time [ns] between explanations: 0.1 s, and what is lost to rounding."""
 
 
 class StateMessage:
@@ -55,7 +57,8 @@ class StateMessage:
         self._position = field_view(self.msg, 'position', robot.n, math.nan)
         self._command = field_view(self.msg, 'command', robot.n)
         self._tasks: dict[str, _TaskMessage] = {}
-        self._explained = -math.inf
+        self._explained = -EXPLANATION_PERIOD
+        self._explanation: Iterator[None] | None = None
         self.follow_tasks()
 
     def task(self, name: str) -> TaskState:
@@ -73,7 +76,7 @@ class StateMessage:
 
     def follow_hierarchy(self) -> None:
         """Take over levels after the stack's hierarchy has changed."""
-        self._explained = -math.inf
+        self._explained, self._explanation = -EXPLANATION_PERIOD, None
         for name, entry in self._tasks.items():
             level = self._stack.level_of(name)
             velocities = self._stack.velocities_of(name) if level >= 0 else None
@@ -86,26 +89,43 @@ class StateMessage:
         for entry in self._tasks.values():
             entry.refresh()
 
-    def explain(self, stamp: Time) -> None:
-        """Tell why each level got what it got, unless that was told a moment ago.
+    def explain(self, busy: Callable[[], bool]) -> None:
+        """Tell why each level got what it got, piece by piece, ten times a second.
 
         Parameters
         ----------
-        stamp
-            Stamp of the joint state that the stack's last step is about.
+        busy
+            Called between two pieces; the rest is left to the next call if it returns True.
         """
-        now = stamp.sec + 1e-9 * stamp.nanosec
-        if 0.0 <= now - self._explained < EXPLANATION_PERIOD:
-            return
-        self._explained = now
-        self.msg.levels_stamp = stamp
-        self.msg.levels = [_level_message(level) for level in explain(self._stack)]
-        for entry in self._tasks.values():
-            entry.measure()
-        limits = self._stack.guard.active_limits(self._command)
+        if self._explanation is None:
+            # By the stamps: a simulation faster than real time is told about as often.
+            now = nanoseconds(self.msg.header.stamp)
+            if 0 <= now - self._explained < EXPLANATION_PERIOD:
+                return
+            self._explained = now
+            self._explanation = self._explain()
+        for _ in self._explanation:
+            if busy():
+                return
+        self._explanation = None
+
+    def forget_explanation(self) -> None:
+        """Let an explanation that is under way be."""
+        self._explanation = None
+
+    def _explain(self) -> Iterator[None]:
+        stamp = copy(self.msg.header.stamp)
+        limits = self._stack.safety_filter.active_limits(self._command)
         if not self._stack.solver.proven:
             limits.append('the solver: inside all limits, but not proven to be the best answer')
-        self.msg.active_limits = limits
+        levels = []
+        for level in explanations(self._stack):
+            levels.append(_level_message(level))
+            yield
+        for entry in list(self._tasks.values()):
+            if entry.measure():
+                yield
+        self.msg.levels_stamp, self.msg.levels, self.msg.active_limits = stamp, levels, limits
 
     def refresh_target(self, name: str, located: bool) -> None:
         """Fill in one task's new target; its error too once the robot is `located`."""
@@ -170,10 +190,12 @@ class _TaskMessage:
         if target is not None and target.size:
             self._desired[:] = target
 
-    def measure(self) -> None:
-        """Fill in distances that are too far away to be computed in every cycle."""
-        if isinstance(self._task, SetBasedTask):
-            self._distance[:] = self._task.distances()
+    def measure(self) -> bool:
+        """Fill in distances that are too far away to be computed in every cycle, if any are."""
+        if not isinstance(self._task, SetBasedTask):
+            return False
+        self._distance[:] = self._task.distances()
+        return True
 
     def refresh(self, stepped: bool = True) -> None:
         """Fill in the task; `stepped` if the stack has just updated its hierarchy."""

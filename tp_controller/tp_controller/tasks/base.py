@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, NoReturn
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, plural, shown
 from tp_controller.parameters import NUMBER, NUMBERS, REQUIRED, TEXT, Parameter
-from tp_controller.robot import Robot
+from tp_controller.robot import Limits, Robot
 from tp_controller.solvers.inverses import INVERSES, Inverse
 
 Vector = NDArray[np.float64]
@@ -48,7 +49,9 @@ COMMON: Mapping[str, Parameter] = {
 }
 
 LARGEST = 1e9
-"""Size of a value of a target or a gain up to which nothing is lost to rounding."""
+"""Size of a value of a target, feedforward or gain up to which nothing is lost to rounding."""
+OSCILLATING, OVERSHOOTING = 2.0, 1.0
+"""Gains times the period from which on an error grows, or changes its sign, at every step."""
 
 
 class Task(ABC):
@@ -75,6 +78,8 @@ class Task(ABC):
         How its level is inverted, where that differs from the solver's way.
     weight
         Its share in a weighted sum of all tasks.
+    period
+        Time [s] of one step, which gains are judged by; infinite if unknown.
     """
 
     type: ClassVar[str]
@@ -89,6 +94,8 @@ class Task(ABC):
     """Whether the desired velocity is the least one allowed."""
     without: ClassVar[tuple[str, ...]] = ()
     """Common parameters that the kind has no use for."""
+    feeds_back: ClassVar[bool] = True
+    """Whether moving as desired makes the error smaller by as much."""
 
     def __init__(self, name: str, robot: Robot, components: Sequence[str]) -> None:
         self.name = name
@@ -99,6 +106,7 @@ class Task(ABC):
         self.J: Matrix = np.zeros((self.k, robot.n))
         self.inverse = Inverse()
         self.weight = 1.0
+        self.period = math.inf
         self._K: Matrix = np.eye(self.k)
         self._feedforward: Vector = np.zeros(self.k)
         self._target: Vector = np.zeros(0)  # empty before the first one
@@ -125,8 +133,48 @@ class Task(ABC):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a user should know of the settings."""
-        return ()
+        """What a user should know of the settings, one line each."""
+        share = self._gain_share(self._K)
+        if share < OVERSHOOTING:
+            return ()
+        rate = 1.0 / self.period
+        return (
+            f'tasks.{self.name}.gain: {self._K.max():g} at rate {rate:g} has K·dt = {share:.3g}: '
+            f'the error overshoots at every step; the largest sensible gain is {rate:g}, and '
+            f'{0.5 * rate:g} with limits of acceleration',
+        )
+
+    def know_period(self, period: float) -> None:
+        """Take over the time [s] of one step, which was unknown so far."""
+        self.period = period
+
+    def take_notices(self) -> list[str]:
+        """What a user should know that was found in steps, one line each; each told once."""
+        return []
+
+    def _gain_share(self, K: Matrix) -> float:
+        """Largest eigenvalue of a gain matrix (k, k) times the period, ``K·dt``.
+
+        A step leaves the part ``1 - K dt`` of the error, which is larger than before from 2 on.
+        """
+        if not self.feeds_back or not math.isfinite(self.period):
+            return 0.0
+        return float(np.abs(np.linalg.eigvals(K)).max(initial=0.0) * self.period)
+
+    def prepare_limits(self, limits: Limits) -> Callable[[], None]:
+        """Check limits that the robot is to have.
+
+        Returns
+        -------
+        callable
+            Makes the task follow them; it cannot fail. To be called when the robot has them.
+
+        Raises
+        ------
+        InvalidValue
+            If the task could not be made for a robot with these limits.
+        """
+        return _nothing
 
     @property
     @abstractmethod
@@ -137,6 +185,11 @@ class Task(ABC):
     def target_size(self) -> int:
         """Number of values of a target; 0 if the task has none."""
         return len(self.target_components)
+
+    @property
+    def sized(self) -> slice:
+        """Values of a target whose size is bounded; of a quaternion only the direction counts."""
+        return slice(None)
 
     @property
     @abstractmethod
@@ -159,6 +212,10 @@ class Task(ABC):
         """
         out[:] = 0.0
 
+    def leave(self) -> None:
+        """Forget what belongs to a place in the hierarchy; nothing, unless rows come and go."""
+        return
+
     def place(self, J: Matrix) -> None:
         """Keep the Jacobian in a given array (k, n) from now on."""
         J[:] = self.J
@@ -179,7 +236,7 @@ class Task(ABC):
         Raises
         ------
         InvalidValue
-            For a wrong number of values or one that is not finite.
+            For a wrong number of values, one that is not finite or one above `LARGEST`.
         """
         if not self.target_size:
             raise InvalidValue('target', shown(values), f'none: a {self.type} task has no target')
@@ -188,13 +245,7 @@ class Task(ABC):
         target = np.array(values, dtype=float)
         if not np.all(np.isfinite(target)):
             raise InvalidValue('target', shown(target), 'finite numbers')
-        # Of a quaternion only the direction counts.
-        sizes = [
-            abs(value)
-            for name, value in zip(self.target_components, target, strict=True)
-            if not name.startswith('q')
-        ]
-        if max(sizes, default=0.0) > LARGEST:
+        if np.abs(target[self.sized]).max(initial=0.0) > LARGEST:
             raise InvalidValue('target', shown(target), f'numbers up to {LARGEST:g} in size')
         return target
 
@@ -230,7 +281,8 @@ class Task(ABC):
         InvalidValue
             For a wrong number of values, one that is not finite, or a gain that drives a
             task away from its target (a negative value; a matrix whose symmetric part
-            has a negative eigenvalue).
+            has a negative eigenvalue; with a period one that makes the error grow from step
+            to step, ``K·dt`` of 2 or more).
         """
         k = self.k
         if len(values) not in (1, k, k * k):
@@ -246,6 +298,13 @@ class Task(ABC):
         if np.linalg.eigvalsh(K + K.T).min() < -1e-9 * np.abs(K).max(initial=0.0):
             raise InvalidValue(
                 'gain', shown(list(values)), 'values of at least 0, or a positive matrix'
+            )
+        if (share := self._gain_share(K)) >= OSCILLATING:
+            rate = 1.0 / self.period
+            raise InvalidValue(
+                'gain',
+                f'{shown(list(values))}, which makes K·dt = {share:.3g} at rate {rate:g}',
+                f'gains below {OSCILLATING * rate:g}; the largest sensible one is {rate:g}',
             )
         return K
 
@@ -264,7 +323,7 @@ class Task(ABC):
         Raises
         ------
         InvalidValue
-            For a wrong number of values or one that is not finite.
+            For a wrong number of values, one that is not finite or one above `LARGEST`.
         """
         if len(values) != self.k:
             accepts = f'{plural(self.k, "value")} ({", ".join(self.components)})'
@@ -272,12 +331,19 @@ class Task(ABC):
         velocity = np.array(values, dtype=float)
         if not np.all(np.isfinite(velocity)):
             raise InvalidValue('feedforward', shown(velocity), 'finite numbers')
+        if np.abs(velocity).max(initial=0.0) > LARGEST:
+            accepts = f'numbers up to {LARGEST:g} in size'
+            raise InvalidValue('feedforward', shown(velocity), accepts)
         return velocity
 
     def desired_velocity(self, out: Vector) -> None:
         """Write ``K error + feedforward`` (k,) of the last update to ``out``."""
         np.dot(self._K, self.error, out=out)
         out += self._feedforward
+
+
+def _nothing() -> None:
+    """Follow limits without doing anything."""
 
 
 def _counted(values: Sequence[float] | Vector) -> str:

@@ -75,10 +75,14 @@ class JointTask(Task):
             If no joint is named, a name is not one of the task's, stands twice, or names
             and changes differ in number.
         """
-        if len(names) != len(changes) or len(set(names)) != len(names) or not names:
+        if (
+            not 0 < len(names) <= self.k
+            or len(names) != len(changes)
+            or len(set(names)) != len(names)
+        ):
             raise InvalidValue(
                 'joints',
-                f'{plural(len(names), "name")} {shown(list(names))} '
+                f'{plural(len(names), "name")} {shown(names)} '
                 f'with {plural(len(changes), "value")}',
                 f'one value for each name, names out of {listed(self.components)}',
             )

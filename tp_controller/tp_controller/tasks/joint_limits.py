@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.parameters import NUMBERS, TEXTS, Parameter
-from tp_controller.robot import Robot
+from tp_controller.robot import Limits, Robot
 from tp_controller.tasks.set_based import THRESHOLDS, SetBasedTask, Switching
 
 Vector = NDArray[np.float64]
@@ -72,19 +72,11 @@ class JointLimitsTask(SetBasedTask):
         indices = np.array(robot.joint_indices(names))
         if not names:
             raise InvalidValue('joints', 'no joint', f'some of {listed(robot.joints)}')
-        self._lower = _ends('min', lower, robot.limits.position_min[indices])
-        self._upper = _ends('max', upper, robot.limits.position_max[indices])
-        if not np.all(self._lower < self._upper):
-            raise InvalidValue(
-                'min', f'{shown(self._lower)} with max {shown(self._upper)}', 'values below max'
-            )
-        if np.isinf(self._lower).all() and np.isinf(self._upper).all():
-            raise InvalidValue(
-                'min', 'no value', 'min or max, or robot.limits.position_min or position_max'
-            )
+        self._indices, self._given = indices, (lower, upper)
+        self._lower, self._upper = self._range(robot.limits)
         reach = np.eye(robot.n)[indices]
         super().__init__(name, robot, names, reach, period, switching)
-        self._indices = indices
+        self._marked = np.zeros(len(names))
 
     @classmethod
     def from_parameters(
@@ -100,6 +92,31 @@ class JointLimitsTask(SetBasedTask):
             values['period'],
             Switching.of(values),
         )
+
+    def prepare_limits(self, limits: Limits) -> Callable[[], None]:
+        """Check limits that the robot is to have; see `Task.prepare_limits`."""
+        ends, follow = self._range(limits), super().prepare_limits(limits)
+
+        def take() -> None:
+            self._lower, self._upper = ends
+            follow()
+
+        return take
+
+    def _range(self, limits: Limits) -> tuple[Vector, Vector]:
+        """Lower and upper ends (k,); those that are not given are the robot's."""
+        given_lower, given_upper = self._given
+        lower = _ends('min', given_lower, limits.position_min[self._indices])
+        upper = _ends('max', given_upper, limits.position_max[self._indices])
+        if not np.all(lower < upper):
+            raise InvalidValue(
+                'min', f'{shown(lower)} with max {shown(upper)}', 'values below max'
+            )
+        if np.isinf(lower).all() and np.isinf(upper).all():
+            raise InvalidValue(
+                'min', 'no value', 'min or max, or robot.limits.position_min or position_max'
+            )
+        return lower, upper
 
     @property
     def target_components(self) -> tuple[str, ...]:
@@ -118,10 +135,19 @@ class JointLimitsTask(SetBasedTask):
         self.distance[:] = np.where(below, q - self._lower, self._upper - q)
         self._slope[np.arange(self.k), self._indices] = np.where(below, 1.0, -1.0)
 
-    def probe(self, out: Vector) -> None:
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distances (k,) at the robot's present configuration to ``out``."""
         q = self.robot.q[self._indices]
         np.minimum(q - self._lower, self._upper - q, out=out)
+
+    def mark(self) -> None:
+        """Keep the distances."""
+        self.probe(self._marked)
+
+    def between(self, bend: Vector, out: Vector) -> None:
+        """Write the lesser of the distances at the ends to ``out``: there is none below."""
+        self.probe(out)
+        np.minimum(out, self._marked, out=out)
 
 
 def _ends(key: str, values: Sequence[float] | None, otherwise: Vector) -> Vector:

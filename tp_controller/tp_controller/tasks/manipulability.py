@@ -37,6 +37,7 @@ class ManipulabilityTask(Task):
     parameters: ClassVar[Mapping[str, Parameter]] = ManipulabilityObjective.parameters
     without = ('target',)
     target_words = ''
+    feeds_back = False
 
     def __init__(self, name: str, robot: Robot, measure: ManipulabilityObjective) -> None:
         super().__init__(name, robot, robot.joints)

@@ -104,6 +104,7 @@ class ObstacleTask(SetBasedTask):
         if not 0.0 < radius < math.inf:
             raise InvalidValue('radius', shown(radius), 'a number above 0')
         self.radius = radius
+        self._marked = np.zeros(self.rows.size)
         super().__init__(name, robot, ['distance'], robot.reach(frame)[None], period, switching)
         try:
             self.target = center
@@ -180,7 +181,20 @@ class ObstacleTask(SetBasedTask):
             self._slope,
         )
 
-    def probe(self, out: Vector) -> None:
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distance from the surface at the robot's present configuration to ``out``."""
         way = self.frame.position[self.rows] - self._target
         out[0] = math.sqrt(way @ way) - self.radius
+
+    def mark(self) -> None:
+        """Keep the position of the frame."""
+        self._marked[:] = self.frame.position[self.rows]
+
+    def between(self, bend: Vector, out: Vector) -> None:
+        """Write a lower bound of the distance since `mark` to ``out``: that of a straight line."""
+        way = self.frame.position[self.rows] - self._marked
+        to = self._target - self._marked
+        square = float(way @ way)
+        share = min(max(float(to @ way) / square, 0.0), 1.0) if square > 0.0 else 0.0
+        to = to - share * way
+        out[0] = math.sqrt(to @ to) - self.radius - bend[0]

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, shown
 from tp_controller.parameters import TEXT, Parameter
-from tp_controller.robot import Robot
+from tp_controller.robot import Frame, Robot
 from tp_controller.rotations import (
     heading,
     heading_rows,
     quaternion_from_rotation,
     rotation_error,
     rotation_from_quaternion,
+    tilt_error,
     wrap,
 )
 from tp_controller.tasks.frame import FRAME, VIEW, FrameTask, axis_rows
@@ -36,9 +37,14 @@ class OrientationTask(FrameTask):
     """Turns a frame to a desired orientation, about chosen axes.
 
     With one axis of the reference frame the variable is the `heading` about it, an angle,
-    and the error is wrapped. Else it is the rotation, its target a quaternion x, y, z, w,
-    and the error the chosen components of ``log(R_des Rᵀ)`` along the axes of the reference
-    or of ``axes_frame``; ``J`` has the rows of the angular velocity along the same axes.
+    and the error is wrapped. Else it is the rotation, its target a quaternion x, y, z, w.
+    With three axes the error is ``log(R_des Rᵀ)``. With two it is the tilt: the shortest
+    rotation after which only a turn about the third axis is left, see `tilt_error`; turns
+    about that axis, the free spin, change nothing about its size. With one axis of
+    ``axes_frame`` it is that component of the logarithm. The errors are along the axes of
+    the reference or of ``axes_frame``; ``J`` has the rows of the angular velocity along the
+    same axes, so that the size of the error falls at the rate ``error · J qd / |error|``
+    (axes that belong neither to the frame nor to its reference are taken as standing still).
     The target and R are seen from the reference frame.
 
     Parameters
@@ -78,6 +84,9 @@ class OrientationTask(FrameTask):
         self._turns = self.rows - 3
         self._axis = int(self._turns[0])
         self._is_heading = self.k == 1 and not self._own_axes
+        self._free = ({0, 1, 2} - set(self._turns.tolist())).pop() if self.k == 2 else -1
+        # A free axis that is fixed to the frame itself turns with it.
+        self._carried = self._own_axes and _same_body(robot, self.axes, self.frame)
         self._R_des: Matrix = np.eye(3)
 
     @classmethod
@@ -103,6 +112,11 @@ class OrientationTask(FrameTask):
     def target_components(self) -> tuple[str, ...]:
         """One angle with one axis of the reference, else a quaternion."""
         return self.components if self._is_heading else QUATERNION
+
+    @property
+    def sized(self) -> slice:
+        """An angle, nothing of a quaternion."""
+        return slice(None if self._is_heading else 0)
 
     @property
     def current(self) -> Vector:
@@ -149,7 +163,7 @@ class OrientationTask(FrameTask):
             self.error[0] = wrap(self._target[0] - heading(R, self._axis))
             np.dot(heading_rows(R, self._axis), self._angular(self.frame), out=self.J[0])
             return
-        error = rotation_error(self._R_des, R)
+        error = self._tilt(R) if self._free >= 0 else rotation_error(self._R_des, R)
         if self._from_base and not self._own_axes:
             np.take(error, self._turns, out=self.error)
             np.take(self.frame.jacobian, self.rows, axis=0, out=self.J)
@@ -160,6 +174,14 @@ class OrientationTask(FrameTask):
             error, J = A.T @ error, A.T @ J
         np.take(error, self._turns, out=self.error)
         np.take(J, self._turns, axis=0, out=self.J)
+
+    def _tilt(self, R: Matrix) -> Vector:
+        """Tilt (3,) of a rotation (3, 3) against the target, along the reference's axes."""
+        Q = self._R_des @ R.T
+        if not self._own_axes:
+            return tilt_error(Q, self._free, False)
+        A = self._axes_rotation()
+        return A @ tilt_error(A.T @ Q @ A, self._free, self._carried)
 
     def hessian(self, out: NDArray[np.float64]) -> None:
         """Write the second derivatives (k, n, n) of the variables to ``out``.
@@ -175,3 +197,11 @@ class OrientationTask(FrameTask):
         less = 1.0 - 0.5 * angle / math.tan(0.5 * angle)
         bent = less / angle**2 * (across.T @ across)
         out += self.error[:, None, None] * bent
+
+
+def _same_body(robot: Robot, one: Frame, other: Frame) -> bool:
+    """Whether no joint is between two frames."""
+    if robot.base in (one, other):
+        return False
+    joints = [robot.model.frames[frame.index].parentJoint for frame in (one, other)]
+    return bool(joints[0] == joints[1])

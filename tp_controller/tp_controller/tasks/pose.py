@@ -103,6 +103,11 @@ class PoseTask(FrameTask):
         return self._place.target_components + self._turn.target_components
 
     @property
+    def sized(self) -> slice:
+        """The position; the orientation is checked by itself."""
+        return slice(self._split)
+
+    @property
     def current(self) -> Vector:
         """Present position values, then orientation values; a copy."""
         return np.concatenate([self._place.current, self._turn.current])

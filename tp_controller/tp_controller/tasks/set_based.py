@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
-from functools import cached_property
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import NO_VALUE, InvalidValue, listed, shown
 from tp_controller.parameters import NUMBER, TEXT, Parameter
-from tp_controller.robot import Robot
+from tp_controller.robot import Limits, Robot
 from tp_controller.tasks.base import Task
 
 Vector = NDArray[np.float64]
@@ -56,6 +56,8 @@ STEPS = 4.0
 
 BRAKING = 2.0
 """So many times as long as joints need to stop: the others may need their limits too."""
+LATE = 1.5
+"""And at least so many times the delay, lag and hold of the arm longer than it takes to brake."""
 
 
 class Switching(NamedTuple):
@@ -76,6 +78,22 @@ class Switching(NamedTuple):
     def of(cls, values: Mapping[str, Any]) -> Switching:
         """Switching of a task's checked values."""
         return cls(*(values[key] for key in THRESHOLDS))
+
+
+class Thresholds(NamedTuple):
+    """Distances [m, rad] of a set-based task that follow from the robot's limits."""
+
+    activation: float
+    release: float
+    margin: float
+    needed: float
+    """Least activation with which the boundary is kept."""
+    travel: float
+    """Farthest that a distance can change in a step."""
+    time: float = 1.0
+    """Time constant τ [s] of smooth switching."""
+    edge: Vector | None = None
+    """How near each row comes in with smooth switching (k,)."""
 
 
 class SetBasedTask(Task):
@@ -151,24 +169,50 @@ class SetBasedTask(Task):
         self.acting = self.on.copy()
         self.reach = reach
         self._slope: Matrix = np.zeros((self.k, robot.n))
-        moves = reach > 0.0
-        velocity = robot.limits.velocity
-        # A joint that does not move a row does not count, however fast it is.
-        speed = np.where(moves, reach * np.where(moves, velocity, 0.0), 0.0).sum(axis=1)
-        fastest = float(speed.max())
-        self._travel = fastest * period
+        self.period, self._switching = period, switching
         if switching.type not in SWITCHINGS:
             accepts = f'one of {listed(SWITCHINGS)}'
             raise InvalidValue('switching', shown(switching.type), accepts)
         self.one_sided = switching.type == SMOOTH
+        self._take(self._thresholds(robot.limits))
+
+    def prepare_limits(self, limits: Limits) -> Callable[[], None]:
+        """Check limits that the robot is to have; see `Task.prepare_limits`."""
+        return partial(self._take, self._thresholds(limits))
+
+    def know_period(self, period: float) -> None:
+        """Take over the time [s] of one step, which was unknown so far."""
+        super().know_period(period)
+        self._take(self._thresholds(self.robot.limits))
+
+    def _take(self, thresholds: Thresholds) -> None:
+        self.activation, self.release, self.margin = thresholds[:3]
+        self._needed, self._travel = thresholds.needed, thresholds.travel
+        self._time, self._edge = thresholds.time, thresholds.edge
+        self._beyond = 2.0 * thresholds.release - thresholds.activation
+
+    def _thresholds(self, limits: Limits) -> Thresholds:
+        """Thresholds with which the task keeps its set on a robot with these limits.
+
+        Raises
+        ------
+        InvalidValue
+            As the constructor.
+        """
+        switching, period, response = self._switching, self.period, self.robot.response
+        moves = self.reach > 0.0
+        velocity = limits.velocity
+        # A joint that does not move a row does not count, however fast it is.
+        speed = np.where(moves, self.reach * np.where(moves, velocity, 0.0), 0.0).sum(axis=1)
+        fastest = float(speed.max())
+        travel = fastest * period
         if not self.one_sided:
-            self._take_thresholds(switching)
-            return
+            return self._with_hysteresis(travel)
         if switching.release is not None:
             raise InvalidValue(
                 'release', shown(switching.release), 'no value, or switching hysteresis'
             )
-        if not math.isfinite(self._travel):
+        if not math.isfinite(travel):
             raise InvalidValue(
                 'activation',
                 'smooth switching without rate or robot.limits.velocity',
@@ -178,20 +222,28 @@ class SetBasedTask(Task):
         if margin is None:
             # The second derivative by joints i and j is no larger than the reach of either.
             turning = float(velocity[moves.any(axis=0)].sum()) * period
-            margin = MARGIN + (0.5 * self._travel * turning if self.bends else 0.0)
-        self._needed = margin + fastest * max(STEPS * period, BRAKING * self._braking_time())
+            margin = MARGIN + (0.5 * travel * turning if self.bends else 0.0)
+            # What the safety filter keeps for noise.
+            noise = response.noise * (2.0 if response.hold else 1.0)
+            margin += float((self.reach @ noise).max())
+        # What is commanded now the arm may still do for a while.
+        braking, late = self._braking_time(limits), response.late
+        slow = max(STEPS * period, BRAKING * braking)
+        if late:
+            slow = max(slow, STEPS * period + LATE * late + 0.5 * braking)
+        needed = margin + fastest * slow
         if not margin > 0.0:
             raise InvalidValue('margin', shown(margin), 'a number above 0')
         # Rows that no joint can move never come in; their thresholds only have to make sense.
-        safe = max(self._needed, 2.0 * margin)
+        safe = max(needed, 2.0 * margin)
         activation = safe if switching.activation is None else switching.activation
         if not activation > margin:
             raise InvalidValue(
                 'activation', shown(activation), f'more than the margin, {margin:g}'
             )
-        self.activation, self.release, self.margin = activation, activation, margin
-        self._time = (activation - margin) / fastest if fastest > 0.0 else 1.0
-        self._edge = margin + speed * self._time
+        time = (activation - margin) / fastest if fastest > 0.0 else 1.0
+        edge = margin + speed * time
+        return Thresholds(activation, activation, margin, needed, travel, time, edge)
 
     @cached_property
     def _compiled(self) -> Any:
@@ -200,12 +252,13 @@ class SetBasedTask(Task):
 
         return damper
 
-    def _take_thresholds(self, switching: Switching) -> None:
+    def _with_hysteresis(self, travel: float) -> Thresholds:
+        switching = self._switching
         if switching.margin is not None:
             raise InvalidValue('margin', shown(switching.margin), 'no value, or switching smooth')
         activation, release = switching.activation, switching.release
         if activation is None:
-            if not math.isfinite(self._travel):
+            if not math.isfinite(travel):
                 raise InvalidValue(
                     'activation',
                     NO_VALUE,
@@ -213,35 +266,36 @@ class SetBasedTask(Task):
                 )
             # One step from beyond it does not cross the boundary; the rest is for the bend of
             # the way in the step after, when the row has come in.
-            activation = 1.25 * self._travel
+            activation = 1.25 * travel
         if release is None:
             release = 1.5 * activation
         if not release > activation > 0.0:
             raise InvalidValue(
                 'release', shown(release), f'more than the activation, {activation:g}'
             )
-        self.activation, self.release, self.margin = activation, release, 0.0
-        self._needed = self._travel if math.isfinite(self._travel) else 0.0
-        self._beyond = 2.0 * release - activation
+        needed = travel if math.isfinite(travel) else 0.0
+        return Thresholds(activation, release, 0.0, needed, travel)
 
-    def _braking_time(self) -> float:
+    def _braking_time(self, limits: Limits) -> float:
         """Longest time [s] that a joint which moves a row needs to stop."""
-        limits = self.robot.limits
         moves = (self.reach > 0.0).any(axis=0) & np.isfinite(limits.acceleration)
         return float(np.max(limits.velocity[moves] / limits.acceleration[moves], initial=0.0))
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a user should know of the settings."""
+        """What a user should know of the settings, one line each."""
+        found = super().warnings
         # Thresholds that were left out are exactly what is needed.
         if self.activation >= self._needed * (1.0 - 1e-9):
-            return ()
+            return found
         if self.one_sided:
             return (
+                *found,
                 f'tasks.{self.name}.activation: {self.activation:g} is less than it takes to '
                 f'brake from full speed, {self._needed:.3g}: the arm may be stopped abruptly',
             )
         return (
+            *found,
             f'tasks.{self.name}.activation: {self.activation:g} is less than one step can '
             f'travel, {self._travel:.3g}: the boundary may be crossed',
         )
@@ -251,11 +305,10 @@ class SetBasedTask(Task):
         """Whether any row acts."""
         return bool((self.acting if self.one_sided else self.on).any())
 
-    def place(self, J: Matrix) -> None:
-        """Keep the Jacobian in a given array (k, n) from now on, with every row out."""
+    def leave(self) -> None:
+        """Let every row go out, as outside the hierarchy."""
         self.on[:] = self.acting[:] = False
         self.J[:] = 0.0
-        super().place(J)
 
     def distances(self) -> Vector:
         """Every distance (k,), however far away, at the robot's present configuration."""
@@ -266,11 +319,35 @@ class SetBasedTask(Task):
         """Fill `distance` and its derivative (k, n) at the robot's present configuration."""
 
     @abstractmethod
-    def probe(self, out: Vector) -> None:
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distances (k,) at the robot's present configuration to ``out``.
 
         Nothing of the last update changes.
+
+        Parameters
+        ----------
+        out
+            The distances.
+        enough
+            Of a distance that is larger than this (k,) a lower bound will do.
         """
+
+    def mark(self) -> None:
+        """Keep what `between` needs of the robot's present configuration."""
+
+    def between(self, bend: Vector, out: Vector) -> None:
+        """Write lower bounds (k,) of the distances since `mark` to ``out``.
+
+        Parameters
+        ----------
+        bend
+            By how much (k,) a point may leave the straight line between its places, the robot
+            having moved straight from the one configuration to the other.
+        out
+            The bounds; minus infinity where nothing better is known than that no distance
+            changes by more than its reach allows.
+        """
+        out.fill(-math.inf)
 
     def update(self) -> None:
         """Compute `distance`, `error` and `J` at the robot's present configuration."""

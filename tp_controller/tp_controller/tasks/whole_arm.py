@@ -191,10 +191,22 @@ class WholeArmTask(ClearanceTask):
         self._follow()
         super().measure()
 
-    def probe(self, out: Vector) -> None:
+    def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distances (k,) at the robot's present configuration to ``out``."""
         self._follow()
-        super().probe(out)
+        super().probe(out, enough)
+
+    def contact_text(self, rows: NDArray[np.intp]) -> str:
+        """One line about the rows that are in contact at the first configuration."""
+        links = self.clearance.links
+        names = self.clearance.names
+        found = ', '.join(f'{names[i]} ({self.distance[i]:.3g} m)' for i in rows)
+        touching = {links[i][0] for i in rows}
+        left = [link for link in dict(links) if link not in touching]
+        return (
+            f'nearer than {self.kept_distance:.3g} at the first joint state: {found}; these are '
+            f'moved away. Without links that always touch: links: [{", ".join(left)}]'
+        )
 
     def _follow(self) -> None:
         """Move the obstacle to the target, if that is a new one."""

@@ -13,7 +13,8 @@ from tp_controller.errors import TaskPriorityError
 from tp_sim.demo.plots import draw_arm, draw_errors
 from tp_sim.demo.progress import Progress
 from tp_sim.demo.script import Leg, read_script
-from tp_sim.demo.tables import outcome_table
+from tp_sim.demo.tables import outcome_table, reason_lines
+from tp_sim.demo.timing import Stopwatch
 from tp_sim.harness import ClosedLoop
 
 REFUSED = 2
@@ -55,22 +56,28 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(config: Path, out: Path, console: Console) -> int:
     # What the controller would refuse is refused before any process starts.
-    stack = build_settings(read_parameter_file(config, 'tp_controller')).stack
+    stack = build_settings(read_parameter_file(config, 'tp_controller'), find_rate=True).stack
     script = read_script(config)
     script.check(stack)
     out.mkdir(parents=True, exist_ok=True)
     console.print(f'Starting simulator and controller with {config}')
     legs: list[Leg] = []
     with ClosedLoop(config, lockstep=False) as loop, Progress(console) as progress:
-        loop.client.on_state.append(progress.follow)
+        watch = Stopwatch()
+        loop.client.on_state += [progress.follow, watch.follow]
         for number, goals in enumerate(script.goals, start=1):
             leg = Leg(loop, goals)
             progress.begin(f'goal {number} of {len(script.goals)}: {leg.text}', loop.state)
+            begin = len(watch)
             leg.run(loop, script.seconds_per_goal)
+            leg.timing = watch.timing(begin)
             legs.append(leg)
         record = loop.record
         tasks = loop.state.tasks
     console.print(outcome_table(legs, script.tolerance))
+    for line in reason_lines(legs, script.tolerance):
+        console.print(line)
+    console.print(f'Commands: {watch.timing().text}')
     draw_errors(record, tasks, legs, out / 'errors.png')
     draw_arm(stack, record, tasks, legs, out / 'arm.png')
     console.print(f'Plots: {out / "errors.png"}, {out / "arm.png"}')

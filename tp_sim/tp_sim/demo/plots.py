@@ -81,7 +81,8 @@ def _draw_course(axes: Axes, record: Record, task: TaskState, color: Any) -> flo
         record.time, 0.0, 1.0, where=acts, transform=axes.get_xaxis_transform(), color='0.85'
     )
     axes.set_ylabel(f'distance [{UNITS.get(task.type, "m, rad")}]')
-    return float(course.max())
+    # Distances that do not count are infinite.
+    return float(course[np.isfinite(course)].max(initial=0.0))
 
 
 def draw_arm(

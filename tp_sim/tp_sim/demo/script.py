@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.parameters import NUMBER, REQUIRED, TEXTS, Parameter, flatten, read_all
 from tp_controller.stack import Stack
+from tp_sim.demo.timing import Timing
 from tp_sim.harness import ClosedLoop, read_document
 
 DEMO: Mapping[str, Parameter] = {
@@ -32,6 +33,9 @@ DEMO: Mapping[str, Parameter] = {
 }
 """Parameters of the demo, block ``tp_demo`` of a parameter file."""
 
+
+RESTING = 0.1
+"""A task that moves by less than this share of the tolerance in a second is at rest."""
 
 Array = NDArray[np.float64]
 
@@ -156,6 +160,12 @@ class Leg:
         Desired value of every task that got a goal.
     errors
         Error norm at the end of every task that got a goal or is in the hierarchy.
+    losses
+        For every level with such a task, where what it asked for went at the end.
+    limits
+        Limits that the last command met.
+    timing
+        Rate and ages during the leg.
     """
 
     def __init__(self, loop: ClosedLoop, goals: list[Goal]) -> None:
@@ -172,6 +182,10 @@ class Leg:
         self.start = self.end = loop.time
         self.desired: dict[str, list[float]] = {}
         self.errors: dict[str, float] = {}
+        self.losses: dict[str, str] = {}
+        self.limits: list[str] = []
+        self.timing: Timing | None = None
+        self._pace = 0.0
 
     def run(self, loop: ClosedLoop, seconds: float) -> None:
         """Let the loop run for a time [s], with targets on their circles where they move."""
@@ -196,6 +210,27 @@ class Leg:
             for task in loop.state.tasks
             if (task.enabled and not task.distance) or task.name in self.tasks
         }
+        aimed = [task for task in loop.state.tasks if task.name in self.tasks]
+        self._pace = max((float(np.linalg.norm(t.achieved_velocity)) for t in aimed), default=0.0)
+        self.losses = {
+            ' + '.join(level.tasks): level.text
+            for level in loop.state.levels
+            if level.text and set(level.tasks) & set(self.tasks)
+        }
+        self.limits = list(loop.state.active_limits)
+
+    def reason(self, tolerance: float) -> str:
+        """Why a goal was not reached, as the controller's state tells it; empty if all were."""
+        if self.reached(tolerance):
+            return ''
+        found = [f'{name} lost {text}' for name, text in self.losses.items()]
+        if self.limits:
+            found.append(f'at its limits: {listed(self.limits)}')
+        if self._pace > tolerance * RESTING:
+            found.append(f'still moving, {self._pace:.2g} m/s or rad/s: seconds_per_goal')
+        if self.timing is not None and self.timing.late:
+            found.append(f'late commands, {self.timing.text}')
+        return '; '.join(found) or 'no level lost anything: at rest where its error is balanced'
 
     def reached(self, tolerance: float) -> bool:
         """Whether the error of every goal is within a tolerance [m, rad]."""

@@ -22,3 +22,12 @@ def outcome_table(legs: list[Leg], tolerance: float) -> Table:
         verdict = '[green]yes[/green]' if leg.reached(tolerance) else '[red]no[/red]'
         table.add_row(leg.text, *cells, verdict)
     return table
+
+
+def reason_lines(legs: list[Leg], tolerance: float) -> list[str]:
+    """One line for every goal that was not reached: why."""
+    return [
+        f'goal {number} not reached: {escape(leg.reason(tolerance))}'
+        for number, leg in enumerate(legs, start=1)
+        if not leg.reached(tolerance)
+    ]

@@ -24,7 +24,7 @@ from tp_interfaces.msg import ControllerState, TaskState
 from tp_sim.harness.domain import PrivateDomain
 from tp_sim.harness.errors import GoalRejected, HarnessError
 
-TIMEOUT = 20.0
+TIMEOUT = 60.0
 """Longest wait [s] for an answer, generous for a loaded machine."""
 
 

@@ -1,4 +1,4 @@
-"""The last word on commands: distances and limits hold at every step, whatever is asked for."""
+"""The safety filter: distances and limits hold at every step, whatever is asked for."""
 
 import math
 
@@ -77,9 +77,9 @@ def test_no_distance_and_no_limit_is_ever_broken(case):
         command = stack.step(q).command.copy()
         assert min(task.distance[0] for task in tasks) >= 0.0
         assert np.all(np.abs(command) <= limits.velocity)
-        change = limits.acceleration * stack.guard.period
+        change = limits.acceleration * stack.safety_filter.period
         assert np.all(np.abs(command - before) <= change * (1.0 + 1e-9) + 1e-12)
-        q, before = q + stack.guard.period * command, command
+        q, before = q + stack.safety_filter.period * command, command
         assert np.all(q >= limits.position_min)
         assert np.all(q <= limits.position_max)
 
@@ -122,8 +122,9 @@ def test_an_obstacle_that_jumps_onto_a_moving_arm_makes_it_brake_and_leave():
         q = q + 0.01 * stack.step(q).command
         distance.append(float(stack.tasks['o'].distance[0]))
         if i == 51:
-            assert stack.guard.stopped_by == ('o',)
-            assert stack.guard.active_limits(stack.guard._before)[-1] == 'o distance'
+            assert stack.safety_filter.stopped_by == ('o',)
+            command = stack.safety_filter._before
+            assert stack.safety_filter.active_limits(command)[-1] == 'o distance'
     assert min(distance) == min(distance[50:100])
     assert distance[-1] > 0.0
 
@@ -140,10 +141,10 @@ def test_who_stopped_the_arm_is_forgotten_when_nobody_is_looked_at_any_more():
         q = q + 0.01 * stack.step(q).command
     stack.tasks['o'].target = np.add(stack.robot.frame('link_2').position, [-0.05, 0.02, 0.0])
     stack.step(q)
-    assert stack.guard.stopped_by == ('o',)
+    assert stack.safety_filter.stopped_by == ('o',)
     stack.hierarchy = ['end']
     stack.step(q)
-    assert stack.guard.stopped_by == ()
+    assert stack.safety_filter.stopped_by == ()
 
 
 @given(planar_arms(1, 6), st.data())
@@ -163,14 +164,14 @@ def test_without_limits_of_position_and_acceleration_a_rate_changes_no_bit(robot
 
 def test_distances_below_a_task_that_always_acts_are_not_kept_at_its_cost():
     stack = guarded(planar_block(1.0, 1.0), {'velocity': [1.0]}, {})
-    assert stack.guard._tasks == []
+    assert stack.safety_filter._tasks == []
     tasks = {'o': obstacle('link_2', [1.0, 1.0, 0.0], 0.5)}
     stack = guarded(planar_block(1.0, 1.0), {'velocity': [1.0]}, tasks)
-    assert [task.name for task, _ in stack.guard._tasks] == ['o']
+    assert [task.name for task, _ in stack.safety_filter._tasks] == ['o']
     stack.hierarchy = ['end', 'o']
-    assert stack.guard._tasks == []
+    assert stack.safety_filter._tasks == []
     stack.hierarchy = ['o + end']
-    assert stack.guard._tasks == []
+    assert stack.safety_filter._tasks == []
 
 
 def test_limits_that_are_met_are_told_by_joint():
@@ -194,7 +195,7 @@ def test_limits_that_are_met_are_told_by_joint():
     ).stack
     command = stack.step(np.array([0.0, 1.0, 0.0])).command
     assert command[1] == pytest.approx(0.0, abs=1e-6)
-    met = stack.guard.active_limits(command)
+    met = stack.safety_filter.active_limits(command)
     assert met == ['joint_2 position', 'joint_3 acceleration']
 
 

@@ -1,0 +1,48 @@
+"""A controller that starts, or starts again, holds the arm unless it is asked for its targets."""
+
+import numpy as np
+import pytest
+
+from tp_controller import build_settings, read_parameter_file
+
+A = [0.4, 0.9, -0.3]
+
+
+@pytest.mark.parametrize('start', [None, 'hold'])
+def test_the_arm_stays_where_it_is_until_a_goal_comes(lone_controller, start):
+    controller = lone_controller({'tp_controller': {'start': start}})
+    for _ in range(3):
+        assert np.abs(controller.ask(A)).max() < 1e-12
+    for name in ('ee_position', 'joint_1_position'):
+        task = controller.client.task(name)
+        assert list(task.desired) == list(task.current)
+    controller.client.send_goal('ee_position', [0.3, 1.2])
+    assert np.abs(controller.ask(A)).max() > 0.1
+
+
+def test_with_start_target_the_arm_goes_to_the_targets_of_the_file(lone_controller):
+    controller = lone_controller()
+    assert np.abs(controller.ask(A)).max() > 0.1
+    assert list(controller.client.task('ee_position').desired) == [1.0, 0.5]
+
+
+def test_a_target_that_is_set_before_the_first_joint_state_counts(lone_controller):
+    controller = lone_controller({'tp_controller': {'start': None}})
+    controller.client.set_parameters('tp_controller', {'tasks.ee_position.target': [0.3, 1.2]})
+    assert np.abs(controller.ask(A)).max() > 0.1
+    assert list(controller.client.task('ee_position').desired) == [0.3, 1.2]
+    assert list(controller.client.task('joint_1_position').desired) == A[:1]
+
+
+def test_an_idle_task_keeps_the_target_of_the_file(lone_controller):
+    controller = lone_controller({'tp_controller': {'start': None, 'hierarchy': ['ee_position']}})
+    controller.ask(A)
+    assert list(controller.client.task('joint_1_position').desired) == [0.0]
+
+
+def test_the_library_holds_only_if_it_is_asked_to(config):
+    flat = read_parameter_file(config / 'a4_position_joint.yaml', 'tp_controller')
+    del flat['start']
+    assert np.abs(build_settings(flat).stack.step(np.array(A)).command).max() > 0.1
+    stack = build_settings(flat | {'start': 'hold'}).stack
+    assert not stack.step(np.array(A)).command.any()

@@ -1,0 +1,497 @@
+"""A model of the arm that carries commands out, and whether the arm does what it should."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.errors import NO_VALUE, InvalidValue, shown
+from tp_controller.robot.response import Response
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+SAME = 1e-6
+"""Times [steps] that differ by less than this are the same."""
+FALLING = 0.5
+"""Time [s] in which the memory of a late cycle fades."""
+FADED = 0.01
+"""Share of a step below which it has faded."""
+LONGEST = 1.0
+"""Longest step [s] that bounds are computed for."""
+MEMORY = 0.1
+"""Least time [s] over which parting from the model is added up."""
+PARTED = 2.5e-3
+"""Distance [rad, m] by which a joint may always part from the model."""
+RESPONSE = 0.03
+"""Delay and lag [s] that need not be declared for a joint to count as following."""
+BACK = 0.5
+"""An arm follows again when it is parted by less than this share of what is allowed."""
+SLOWER = 0.5
+"""A joint that moves by less than this share of its command is taken as it moves."""
+JUMP = 3.0
+"""So many times as far as its velocity limit lets it a joint does not get."""
+JUMP_LEAST = 0.05
+"""Distance [rad, m] that is never a jump."""
+FARTHEST = 1e6
+"""Position [rad, m] that no joint has."""
+WINDOW = 0.05
+"""Time [s] over which the velocity of an arm with noise is measured."""
+
+
+class Arm:
+    r"""A model of the arm, kept together with what is measured.
+
+    The model carries out what was sent, with its delay and lag. At every state the position is
+    brought to within the noise of the measured one,
+
+    .. math:: p \leftarrow \min(\max(p, q - \nu), q + \nu)
+
+    which without noise is the measured position. As the true position is in that interval too,
+    noise alone never makes the model worse, and at rest it soon leaves it alone. The stack is
+    evaluated at the reference configuration: where the arm gets to with what was sent until
+    now. For an ideal arm that is the measured configuration.
+
+    By how much the model had to be moved is added up over a short time. More than `tolerance`
+    means that the arm does not follow its commands; then it has to be braked.
+
+    Parameters
+    ----------
+    joints
+        Names of the joints (n,).
+    response
+        What the arm is like.
+    period
+        Time [s] of one step; infinite if unknown: then every state is taken as it is.
+
+    Raises
+    ------
+    InvalidValue
+        If the arm is not ideal and the period is unknown.
+
+    Attributes
+    ----------
+    step
+        Time [s] of a step that bounds have to be computed for: the period, or more after late
+        cycles.
+    following
+        Whether the arm does what it is commanded to.
+    notice
+        What was wrong with the last state, by joint and amount; empty if nothing was.
+    limit
+        Velocity limits (n,) [rad/s, m/s] that tell a jump.
+    upper, lower, held_upper, held_lower
+        As `tp_controller.following.farthest`; not for an ideal arm.
+    """
+
+    def __init__(self, joints: Sequence[str], response: Response, period: float) -> None:
+        n = len(joints)
+        self.response, self.period, self.step = response, period, period
+        self._timed = math.isfinite(period)
+        if not (response.ideal or self._timed):
+            accepts = 'a number above 0, for robot.delay, lag, noise or hold'
+            raise InvalidValue('rate', NO_VALUE, accepts)
+        self._joints, self._n = tuple(joints), n
+        longest = float(np.max(response.delay))
+        m = 2
+        if self._timed:
+            m = 2 * math.ceil((longest + max(response.hold, WINDOW)) / period) + 4
+        self._times, self._commands, self._measured = np.zeros(m), *np.zeros((2, m, n))
+        self._state = np.zeros((9, n))
+        self._z, self._p, self._v, self._v_high, self._v_low = self._state[:5]
+        self._parted, self._fastest, self._q, self._candidate = self._state[5:]
+        self.limit = np.full(n, math.inf)
+        self._found = np.zeros(2)
+        held = math.ceil(response.hold / period - SAME) + 1 if response.hold else 0
+        self.upper, self.lower = np.zeros((2, n))
+        self.held_upper, self.held_lower = np.zeros((2, held, n))
+        self._allowed = self._allowed_time()
+        self._memory = max(MEMORY, 2.0 * self._allowed)
+        self.rest()
+        self._past_state, self._past = self._state.copy(), self._numbers()
+
+    @property
+    def z(self) -> Vector:
+        """Reference configuration (n,) [rad, m]; overwritten by the next state."""
+        return self._z
+
+    @property
+    def p(self) -> Vector:
+        """Where the arm is (n,) [rad, m] by the model; overwritten by the next state."""
+        return self._p
+
+    @property
+    def parted(self) -> Vector:
+        """By how much the arm has parted from the model of late (n,) [rad, m]; a copy."""
+        return self._parted.copy()
+
+    @property
+    def tolerance(self) -> Vector:
+        """By how much it may part before it counts as not following (n,) [rad, m]."""
+        allowed = PARTED + 2.0 * self.response.noise
+        return allowed + self._allowed * self._fastest
+
+    def _allowed_time(self) -> float:
+        response = self.response
+        slow = 0.5 * float(np.max(response.delay + response.lag))
+        return max(2.0 * self.period, RESPONSE) + slow + 2.0 * response.hold
+
+    def _numbers(self) -> tuple[Any, ...]:
+        return (
+            self._now,
+            self._began,
+            self._head,
+            self._known,
+            self._doubted,
+            self._blind,
+            self.following,
+            self.step,
+        )
+
+    def rest(self) -> None:
+        """Take the next state as it is, of an arm that stands still."""
+        self._now, self._began, self._head = 0.0, 0.0, self._times.size - 1
+        self._known = self._doubted = self._blind = False
+        self.following = True
+        self.notice = ''
+        self.step = self.period
+        self._state[:] = 0.0
+        self._commands[:] = 0.0
+        self._times[:] = -math.inf
+
+    def undo(self) -> None:
+        """Go back to before the last state."""
+        self._state[:] = self._past_state
+        (
+            self._now,
+            self._began,
+            self._head,
+            self._known,
+            self._doubted,
+            self._blind,
+            self.following,
+            self.step,
+        ) = self._past
+
+    def take(
+        self, q: Vector, before: Vector, elapsed: float | None = None, qd: Vector | None = None
+    ) -> bool:
+        """Go on to a measured state.
+
+        Parameters
+        ----------
+        q
+            Measured positions (n,) [rad, m], finite.
+        before
+            Velocities (n,) that the next command may differ from by what acceleration allows.
+            Those of joints that do not move as they were commanded are changed to what they do.
+        elapsed
+            Time [s] since the state before. When left out it is the period, and a state of an
+            ideal arm is taken as it is, without judgement.
+        qd
+            Measured velocities (n,) [rad/s, m/s], used where positions do not tell; None if
+            unknown.
+
+        Returns
+        -------
+        bool
+            False for a state that cannot be believed; the model then goes on without it.
+        """
+        self.keep()
+        self.notice = ''
+        if not self._known:
+            if self._timed and np.max(np.abs(q)) > FARTHEST:
+                self.notice = f'no joint can be at the position {shown(q)}'
+                return False
+            self._start(q, before, qd)
+            return True
+        if not self._timed:
+            self._z[:] = q
+            return True
+        passed = self._pass(elapsed)
+        if self.response.ideal and elapsed is None:
+            self._p[:] = self._z[:] = self._q[:] = q
+            self._blind = False
+            return True
+        self._advance(passed)
+        if self._blind:
+            credible = self._accept(q, before, qd)
+        else:
+            credible = self._credible(q, passed, before, qd)
+            if credible:
+                self._correct(q, passed, before)
+        self._refer()
+        return credible
+
+    def go_on(self, elapsed: float) -> None:
+        """Let time [s] pass in which no state came.
+
+        What the arm did meanwhile is not known, so that the next state is taken as it is. It
+        is not gone back to before this, see `undo`.
+        """
+        if not (self._known and self._timed):
+            return
+        self.notice, self._blind = '', True
+        self._now += elapsed
+        self._advance(elapsed)
+        self._refer()
+
+    def keep(self) -> None:
+        """Let `undo` lead to the present model."""
+        self._past_state[:], self._past = self._state, self._numbers()
+
+    def _advance(self, passed: float) -> None:
+        """Let the model carry out what was sent, until now."""
+        response = self.response
+        if response.ideal:
+            self._p += passed * self._commands[self._head]
+            return
+        self._kernel.advance(
+            self._now,
+            passed,
+            self._times,
+            self._commands,
+            self._head,
+            response.delay,
+            response.lag,
+            response.hold,
+            self.period,
+            self._state,
+        )
+
+    def _accept(self, q: Vector, before: Vector, qd: Vector | None) -> bool:
+        """Take the first position after a time without states; false if no joint can have it."""
+        if np.max(np.abs(q)) > FARTHEST:
+            self.notice = f'no joint can be at the position {shown(q)}'
+            return False
+        noise = self.response.noise
+        np.clip(self._p, q - noise, q + noise, out=self._p)
+        self._q[:] = self._measured[:] = q
+        self._parted[:] = 0.0
+        if qd is not None and np.isfinite(qd).all():
+            before[:] = _nearer_zero(before, qd)
+        self._began, self._blind = self._now, False
+        return True
+
+    @cached_property
+    def _kernel(self) -> Any:
+        """Module that is compiled, or loaded, for arms that move."""
+        from tp_controller import following
+
+        return following
+
+    def _start(self, q: Vector, before: Vector, qd: Vector | None) -> None:
+        self._known = True
+        self._p[:] = self._z[:] = self._q[:] = self._measured[:] = q
+        if not self._timed:
+            return
+        if qd is not None and np.isfinite(qd).all():
+            before[:] = qd
+            self._commands[:] = qd
+            self._v[:] = qd
+            self._v_high[:] = self._v_low[:] = qd
+        self._refer()
+
+    def _pass(self, elapsed: float | None) -> float:
+        """Time that has passed; bounds are computed for late cycles to come, if any were."""
+        if elapsed is None or abs(elapsed - self.period) <= SAME * self.period:
+            passed = self.period
+        else:
+            passed = max(elapsed, 0.0)
+        fallen = self.step - (self.step - self.period) * min(1.0, self.period / FALLING)
+        if fallen - self.period < FADED * self.period:
+            fallen = self.period
+        self.step = max(self.period, min(passed, LONGEST), fallen)
+        self._now += passed
+        return passed
+
+    def _credible(self, q: Vector, passed: float, before: Vector, qd: Vector | None) -> bool:
+        """Whether the arm can have come to a position; the second one like it is believed."""
+        found = self._found
+        self._kernel.judge(
+            q,
+            passed,
+            self._commands[self._head],
+            self.limit,
+            self.response.noise,
+            self.period,
+            JUMP,
+            JUMP_LEAST,
+            FARTHEST,
+            self._state,
+            found,
+        )
+        if found[1] <= 0.0:
+            self._doubted = False
+            return True
+        joint = int(found[0])
+        self.notice = (
+            f'{self._joints[joint]} jumped by {float(q[joint] - self._p[joint]):.4g}, '
+            f'more than it can move in {passed:.3g} s'
+        )
+        if qd is not None and np.isfinite(qd).all():
+            before[:] = _nearer_zero(before, qd)
+        near = JUMP * self.limit * max(passed, self.period) + JUMP_LEAST
+        near += 2.0 * self.response.noise
+        if np.max(np.abs(q)) > FARTHEST:
+            self._doubted = False
+            return False
+        if not (self._doubted and np.all(np.abs(q - self._candidate) <= near)):
+            self._candidate[:] = q
+            self._doubted = True
+            return False
+        before[:] = _nearer_zero(before, (q - self._candidate) / max(passed, self.period))
+        self._doubted, self._began = False, self._now
+        self._p[:] = self._q[:] = self._measured[:] = q
+        self._commands[:] = self._v[:] = self._v_high[:] = self._v_low[:] = before
+        self._parted[:] = 0.0
+        return True
+
+    def _correct(self, q: Vector, passed: float, before: Vector) -> None:
+        """Bring the model to within the noise of the measured position."""
+        response, found = self.response, self._found
+        self._kernel.correct(
+            q,
+            passed,
+            self._commands[self._head],
+            response.noise,
+            self._memory,
+            PARTED,
+            self._allowed,
+            response.ideal,
+            self.period,
+            SLOWER,
+            before,
+            self._state,
+            found,
+        )
+        if found[1] > 1.0:
+            self.following = False
+        elif found[1] < BACK:
+            self.following = True
+        if self.following:
+            return
+        joint = int(found[0])
+        self.notice = (
+            f'{self._joints[joint]} does not follow: in the last {self._memory:.2g} s it came '
+            f'{abs(float(self._parted[joint])):.3g} '
+            f'{"less" if self._short(joint) else "farther"} than commanded'
+        )
+        if not response.ideal:
+            self._p[:] = q
+            before[:] = _nearer_zero(before, self._velocity(q))
+
+    def _short(self, joint: int) -> bool:
+        return bool(self._parted[joint] * self._commands[self._head, joint] <= 0.0)
+
+    def _velocity(self, q: Vector) -> Vector:
+        """Velocity (n,) of the arm as it was measured of late."""
+        age = self._now - self._times
+        usable = np.isfinite(age) & (age > 0.0) & (age < self._now - self._began + self.period)
+        old = np.flatnonzero(usable & (age >= WINDOW * (1.0 - SAME)))
+        if not old.size:
+            old = np.flatnonzero(usable)
+            if not old.size:
+                return np.zeros(self._n)
+            i = int(old[np.argmax(age[old])])
+        else:
+            i = int(old[np.argmin(age[old])])
+        return (q - self._measured[i]) / float(age[i])
+
+    def _refer(self) -> None:
+        response, kernel = self.response, self._kernel
+        if response.exact:
+            self._z[:] = self._p
+        else:
+            kernel.refer(
+                self._now,
+                self._times,
+                self._commands,
+                self._head,
+                response.delay,
+                response.lag,
+                self.period,
+                self._state,
+            )
+        if not response.ideal:
+            kernel.farthest(
+                self._now,
+                self._times,
+                self._commands,
+                self._head,
+                response.delay,
+                response.lag,
+                response.hold,
+                self.period,
+                self.step,
+                self._state,
+                self.upper,
+                self.lower,
+                self.held_upper,
+                self.held_lower,
+            )
+
+    def line(
+        self,
+        command: Vector,
+        acceleration: Vector,
+        position_min: Vector,
+        position_max: Vector,
+        out: Matrix,
+    ) -> bool:
+        """Line along which the arm moves until it has braked to rest, if this is sent.
+
+        See `tp_controller.following.line`.
+
+        Parameters
+        ----------
+        command
+            Velocities (n,).
+        acceleration, position_min, position_max
+            Limits (n,), the first in changes of velocity by `step`.
+        out
+            Results (4, n): the start, the way from there, the tube around it, and nothing.
+
+        Returns
+        -------
+        bool
+            Whether the arm moves.
+        """
+        response = self.response
+        return bool(
+            self._kernel.line(
+                self._now,
+                self._times,
+                self._commands,
+                self._head,
+                response.delay,
+                response.lag,
+                response.hold,
+                self.period,
+                self.step,
+                acceleration,
+                command,
+                self._state,
+                position_min,
+                position_max,
+                *out,
+            )
+        )
+
+    def send(self, command: Vector) -> None:
+        """Take note of the velocities (n,) that answer the last state."""
+        self._head = (self._head + 1) % self._times.size
+        self._times[self._head] = self._now
+        self._commands[self._head] = command
+        self._measured[self._head] = self._q
+
+
+def _nearer_zero(one: Vector, other: Vector) -> Vector:
+    """Of two velocities per joint the slower one, zero where they are opposite."""
+    size = np.minimum(np.abs(one), np.abs(other))
+    return np.where(one * other > 0.0, np.copysign(size, one), 0.0)

@@ -1,0 +1,86 @@
+"""Joint velocity commands as messages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from numpy.typing import NDArray
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+from tp_controller.robot import Robot
+from tp_controller.ros.state import field_view
+
+QUEUE_DEPTH = 100
+TOPIC = 'joint_velocity_command'
+
+
+class CommandPublisher:
+    """Publishes commands in the form of the parameter ``command.type``.
+
+    Parameters
+    ----------
+    node
+        The controller's node.
+    robot
+        The robot, for joint names.
+    command_type
+        ``joint_state`` or ``float64_multi_array``.
+
+    Attributes
+    ----------
+    velocity
+        The command sent last (n,) [rad/s, m/s].
+    """
+
+    def __init__(self, node: Node, robot: Robot, command_type: str) -> None:
+        self._node = node
+        self._stamped = command_type == 'joint_state'
+        if self._stamped:
+            self._msg: Any = JointState(name=list(robot.joints))
+            self._msg.header.frame_id = robot.base_frame
+            self.velocity = field_view(self._msg, 'velocity', robot.n)
+        else:
+            self._msg = Float64MultiArray()
+            self.velocity = field_view(self._msg, 'data', robot.n)
+        self._bytes = b''
+        self._publisher = node.create_publisher(type(self._msg), TOPIC, QUEUE_DEPTH)
+
+    @property
+    def topic(self) -> str:
+        """Full name of the topic."""
+        return str(self._publisher.topic_name)
+
+    def send(self, command: NDArray[np.float64] | float, stamp: Time | None = None) -> None:
+        """Publish a command (n,).
+
+        Parameters
+        ----------
+        command
+            Joint velocities [rad/s, m/s].
+        stamp
+            Of the joint state that it answers; None if it answers none. It has the present
+            time then: an old stamp could make a driver drop it.
+        """
+        self.prepare(command, stamp)
+        self.send_prepared()
+
+    def prepare(self, command: NDArray[np.float64] | float, stamp: Time | None = None) -> None:
+        """Make the message of a command as in `send`, without publishing it."""
+        self.velocity[:] = command
+        if self._stamped:
+            self._msg.header.stamp = stamp or self._node.get_clock().now().to_msg()
+        self._bytes = serialize_message(self._msg)
+
+    def send_prepared(self) -> None:
+        """Publish what was prepared; little time passes in between, to be too late in."""
+        self._publisher.publish(self._bytes)
+
+    def wait_until_arrived(self) -> None:
+        """Give the last command time to arrive."""
+        self._publisher.wait_for_all_acked(Duration(seconds=0.2))

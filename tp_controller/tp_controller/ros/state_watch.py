@@ -1,0 +1,315 @@
+"""Which joint state is the newest, how old it is, and how much time has passed since the last.
+
+Three clocks tell of a joint state: its stamp, the time at which the middleware sent it, and the
+steady clock of this process when it was taken. A stamp may be zero, constant, of a simulation,
+or of a clock that was set; so each says only what the others do not contradict.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from builtin_interfaces.msg import Time
+from sensor_msgs.msg import JointState
+
+WINDOW = 10.0
+"""Time [s] over which the least lag of a clock is sought: longer than clocks drift apart."""
+SHIFT = 1.0
+"""States that are old for so long [s], and all by the same time, come from a clock set back."""
+AGREE = 0.005
+"""Stamps run like the steady clock if their least lag changes by less [s] in `SHIFT`."""
+BACK = 5
+"""So many states in a row with stamps before the newest one: their clock was set back."""
+CONSTANT = 3
+"""So many states in a row that changed, but not their stamp: the stamp says nothing."""
+
+
+class Arrival(NamedTuple):
+    """A joint state that was taken from the middleware."""
+
+    msg: JointState
+    stamp: int
+    """Its stamp [ns]; 0 if it has none."""
+    sent: int
+    """Time [ns] of the sender's clock when it was sent; 0 if unknown."""
+    taken: float
+    """Steady time [s] when it was taken."""
+    age: float
+    """Time [s] from its sending, beyond the least that a state needs, until it was taken."""
+
+
+def nanoseconds(stamp: Time) -> int:
+    """Stamp as one number [ns]."""
+    return int(stamp.sec * 1_000_000_000 + stamp.nanosec)
+
+
+class Lag:
+    """Age of what carries the time of another clock, from the least lag seen.
+
+    Parameters
+    ----------
+    limit
+        Lags [s] that differ by less come from one clock; more is old, or a clock that was set.
+
+    Attributes
+    ----------
+    steady
+        Whether the other clock runs like the steady one.
+    set_back
+        By how much [s] the other clock was found set back at the last call, else 0.
+    """
+
+    def __init__(self, limit: float) -> None:
+        self._limit = limit
+        self._least = self._before = math.inf
+        self._window_end = -math.inf
+        self.steady = False
+        self.set_back = 0.0
+        self._second = _Run()
+        self._second_least = math.nan
+        self._matches = 0
+        self._last = -math.inf
+        self._old = _Run()
+
+    def age(self, sent: float, now: float) -> float:
+        """Age [s] of what was sent at a time of the other clock and came at a steady time."""
+        lag = now - sent
+        self._compare(lag, now)
+        self.set_back = 0.0
+        if now >= self._window_end:
+            self._before, self._least = self._least, math.inf
+            self._window_end = now + WINDOW
+        age = lag - min(self._before, self._least, lag)
+        if age <= self._limit:
+            self._old = _Run()
+        elif self._old.add(lag, now) >= SHIFT and self._old.spread < self._limit:
+            self.set_back, age = age, 0.0
+            self._before = math.inf
+            self._least = self._old.least
+            self._old = _Run()
+        if age <= self._limit:
+            self._least = min(self._least, lag)
+        return age
+
+    def _compare(self, lag: float, now: float) -> None:
+        """Find whether the clocks run alike: two seconds in a row with the same least lag."""
+        if now - self._last > self._limit:
+            self._second = _Run()
+        self._last = now
+        if self._second.add(lag, now) < SHIFT:
+            return
+        matches = abs(self._second.least - self._second_least) < AGREE
+        self._matches = self._matches + 1 if matches else 0
+        self.steady = self._matches >= 2
+        self._second_least = self._second.least
+        self._second = _Run()
+
+
+class _Run:
+    """Lags in a row."""
+
+    def __init__(self) -> None:
+        self._begin = math.nan
+        self.least, self._most = math.inf, -math.inf
+
+    @property
+    def spread(self) -> float:
+        """Largest less least lag [s]."""
+        return self._most - self.least
+
+    def add(self, lag: float, now: float) -> float:
+        """Add a lag; return how long [s] the run is."""
+        if self.least == math.inf:
+            self._begin = now
+        self.least, self._most = min(self.least, lag), max(self._most, lag)
+        return now - self._begin
+
+
+class StateWatch:
+    """Order, age and resends of joint states.
+
+    Parameters
+    ----------
+    limit
+        Age [s] at which a state may not move anything: ``timeouts.joint_state``.
+    period
+        Time [s] between states; infinite if unknown.
+
+    Attributes
+    ----------
+    period
+        Time [s] between states.
+    received
+        States so far, lost ones included.
+    lost
+        States that the middleware dropped because they were not taken in time.
+    overtaken
+        States that came after newer ones.
+    """
+
+    def __init__(self, limit: float, period: float) -> None:
+        self._limit = limit
+        self.period = period
+        self._sent, self._stamps = Lag(limit), Lag(limit)
+        self.received = self.lost = self.overtaken = 0
+        self.single_publisher = False
+        """Whether messages are known to come from one publisher: gaps in their numbers tell."""
+        self._number: int | None = None
+        self._newest = 0
+        self._back: list[Arrival] = []
+        self._constant = 0
+        self._answered: Arrival | None = None
+        self._notes: list[str] = []
+
+    def arrive(
+        self, msg: JointState, info: dict[str, int | None], now: float, idle: float
+    ) -> Arrival | None:
+        """Judge a state that was just taken.
+
+        Parameters
+        ----------
+        msg, info
+            The state, and what the middleware says about it.
+        now
+            Steady time [s].
+        idle
+            How long ago [s] no state was waiting: the bound on its age if no clock tells more.
+
+        Returns
+        -------
+        Arrival or None
+            The state with its age; None if it was overtaken by a newer one.
+        """
+        self._count(info.get('publication_sequence_number'))
+        stamp, sent = nanoseconds(msg.header.stamp), info.get('source_timestamp') or 0
+        ages = []
+        if sent > 0:
+            ages.append(self._sent.age(1e-9 * sent, now))
+            if self._sent.set_back:
+                by = self._sent.set_back
+                self._notes.append(
+                    f'the clock of who sends joint states was set back by {by:.3g} s'
+                )
+        if stamp:
+            age = self._stamps.age(1e-9 * stamp, now)
+            if self._stamps.steady and not self._says_nothing:
+                ages.append(age)
+        arrival = Arrival(msg, stamp, sent, now, max(ages) if ages else idle)
+        if stamp and stamp < self._newest and not self._went_back(arrival):
+            self.overtaken += 1
+            return None
+        self._back.clear()
+        self._newest = stamp
+        return arrival
+
+    @property
+    def real_time(self) -> bool:
+        """Whether states are known to come in real time: their stamps run like the steady clock.
+
+        Those of a simulation that waits for its answers do not, and its states do not age.
+        """
+        return self._stamps.steady
+
+    @property
+    def _says_nothing(self) -> bool:
+        """Whether stamps stay while the states change."""
+        return self._constant >= CONSTANT
+
+    def _count(self, number: int | None) -> None:
+        self.received += 1
+        # A number that is not supported is the largest one there is.
+        if number is None or number >= 2**63 or not self.single_publisher:
+            self._number = None
+            return
+        if self._number is not None and number > self._number + 1:
+            self.lost += number - self._number - 1
+            self.received += number - self._number - 1
+        self._number = number
+
+    def _went_back(self, arrival: Arrival) -> bool:
+        """Whether stamps before the newest one are here to stay: the clock was set back.
+
+        States that were overtaken come at once; those of a clock come as it runs.
+        """
+        if self._back and arrival.stamp < self._back[-1].stamp:
+            self._back.clear()
+        self._back.append(arrival)
+        first = self._back[0]
+        if len(self._back) < BACK or arrival.taken - first.taken < 0.5e-9 * (
+            arrival.stamp - first.stamp
+        ):
+            return False
+        by = 1e-9 * (self._newest - first.stamp)
+        self._stamps = Lag(self._limit)
+        self._notes.append(f'stamps of joint states went back by {by:.3g} s and stay there')
+        return True
+
+    def note(self) -> str:
+        """What was found about the clocks since the last call; empty if nothing."""
+        if not self._notes:
+            return ''
+        text = ', '.join(self._notes)
+        self._notes.clear()
+        return text
+
+    def differ(self, older: Arrival, newer: Arrival) -> bool:
+        """Whether a state that is left out is no copy of the newer one, nor of one answered."""
+        if not older.stamp:
+            return True
+        last = self._answered
+        return older.stamp != newer.stamp and (last is None or older.stamp != last.stamp)
+
+    def is_resend(self, arrival: Arrival) -> bool:
+        """Whether a state is the one that was answered last, sent again: no time has passed.
+
+        Stamp and content are the same then. Where the stamp says nothing, a copy comes sooner
+        than the next state would.
+        """
+        last = self._answered
+        if last is None or arrival.stamp != last.stamp or not _same(arrival.msg, last.msg):
+            return False
+        if arrival.stamp and not self._says_nothing:
+            return True
+        return self._between(last, arrival) < 0.5 * min(self.period, self._limit)
+
+    def elapsed(self, arrival: Arrival) -> float:
+        """Time [s] between the state that was answered last and this one; infinite without one.
+
+        By the stamps, where these do not contradict what else is known: a simulation may be
+        faster or slower than the steady clock.
+        """
+        last = self._answered
+        if last is None:
+            return math.inf
+        between = self._between(last, arrival)
+        if arrival.stamp > last.stamp > 0:
+            passed = 1e-9 * (arrival.stamp - last.stamp)
+            if not self._stamps.steady or abs(passed - between) < self._limit:
+                return passed
+        return between
+
+    def time(self, arrival: Arrival) -> float:
+        """Time [s] of a state by the best clock that tells of it."""
+        if arrival.stamp and not self._says_nothing:
+            return 1e-9 * arrival.stamp
+        return 1e-9 * arrival.sent if arrival.sent else arrival.taken
+
+    def answered(self, arrival: Arrival) -> None:
+        """Take note that a state was answered."""
+        last, self._answered = self._answered, arrival
+        if last is None or not arrival.stamp or arrival.stamp != last.stamp:
+            self._constant = 0
+        elif not _same(arrival.msg, last.msg):
+            self._constant += 1
+
+    def _between(self, last: Arrival, arrival: Arrival) -> float:
+        """Time [s] between two states, by what is known beside their stamps."""
+        taken = arrival.taken - last.taken
+        sent = 1e-9 * (arrival.sent - last.sent)
+        usable = last.sent > 0 and arrival.sent > 0 and abs(sent - taken) < self._limit
+        return max(0.0, sent if usable else taken)
+
+
+def _same(one: JointState, other: JointState) -> bool:
+    return bool(one.position == other.position and one.velocity == other.velocity)
