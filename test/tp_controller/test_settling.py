@@ -1,0 +1,157 @@
+"""Goals that cannot be had end in rest, and bounds do not break priorities."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from random_stacks import arms, examples, parameters, planar_arms, states
+from small_arms import planar_block
+
+from tp_controller import build_settings
+from tp_controller.config import read_parameter_file
+
+SECONDS, WATCHED = 5.0, 3.0
+STEP = 1e-6
+
+
+def out_of_reach(scheme, damping):
+    return {
+        'rate': 100.0,
+        'robot': planar_block(0.75, 0.5, 0.5) | {'limits': {'velocity': [4.0]}},
+        'solver': scheme | {'damping': damping},
+        'hierarchy': ['hand', 'first'],
+        'tasks': {
+            'hand': {'type': 'position', 'frame': 'link_3', 'axes': 'xy', 'target': [1.0, 2.3]},
+            'first': {'type': 'joint', 'joints': ['joint_1'], 'target': [0.0], 'gain': [3.0]},
+        },
+    }
+
+
+def chase(block, q, seconds):
+    """Shares of the velocity limits (steps, n) of every command."""
+    stack = build_settings(block).stack
+    period, shares = 1.0 / block['rate'], []
+    for _ in range(round(seconds / period)):
+        command = stack.step(q).command
+        shares.append(command / stack.robot.limits.velocity)
+        q = q + period * command
+    return np.array(shares)
+
+
+@pytest.mark.parametrize(
+    ('scheme', 'damping'),
+    [
+        ({'saturation': 'uniform'}, 0.1),
+        ({'saturation': 'null_space'}, 0.0),
+        ({'saturation': 'null_space'}, 0.1),
+        ({'type': 'hqp'}, 0.1),
+    ],
+    ids=['uniform', 'pinv', 'dls', 'hqp'],
+)
+def test_a_goal_out_of_reach_ends_in_rest(scheme, damping):
+    block = out_of_reach(scheme, damping)
+    block['tasks']['hand']['gain'] = [3.0]
+    shares = chase(block, np.array([0.0, 0.6, 0.3]), SECONDS + WATCHED)
+    later = shares[round(SECONDS * block['rate']) :]
+    assert np.abs(later).max() < 1e-3
+    signs = np.sign(np.where(np.abs(later) > 1e-9, later, 0.0))
+    assert np.count_nonzero(signs[1:] * signs[:-1] < 0.0) <= 2
+
+
+def test_the_published_laws_alone_reverse_at_every_step_there():
+    """What settling is for; with settling on, the same run is the one above."""
+    block = out_of_reach({'settle': False, 'saturation': 'uniform'}, 0.1)
+    block['tasks']['hand']['gain'] = [3.0]
+    later = chase(block, np.array([0.0, 0.6, 0.3]), 10.0)[-100:]
+    assert np.abs(later).max() > 0.5
+    assert np.count_nonzero(later[1:] * later[:-1] < 0.0) > 50
+
+
+@given(parameters(robots=arms(min_joints=2) | planar_arms(min_joints=2), max_levels=3), st.data())
+@examples(40)
+def test_second_derivatives_are_those_of_the_jacobians(block, data):
+    """Symmetric parts, by central differences; rotations apart, whose rows are no gradients."""
+    stack = build_settings(block).stack
+    q = data.draw(states(stack.robot.n))
+    for task in stack.tasks.values():
+        if task.type != 'position':
+            continue
+        hessian = np.zeros((task.k, stack.robot.n, stack.robot.n))
+        stack.robot.update(q)
+        task.update()
+        task.hessian(hessian)
+        for i in range(stack.robot.n):
+            columns = []
+            for sign in (1.0, -1.0):
+                away = q.copy()
+                away[i] += sign * STEP
+                stack.robot.update(away)
+                task.update()
+                columns.append(task.J.copy())
+            slope = (columns[0] - columns[1]) / (2.0 * STEP)
+            np.testing.assert_allclose(hessian[:, :, i], slope, atol=1e-6)
+        sizes = np.linalg.norm(hessian, 2, axis=(1, 2))
+        assert np.all(sizes <= task.bend * (1.0 + 1e-9))
+
+
+def test_settling_adds_nothing_where_every_level_gets_what_it_asks_for(config):
+    values = read_parameter_file(config / 'panda.yaml', 'tp_controller')
+    values |= {'hierarchy': ['hand_position', 'hand_orientation']}
+    settled, plain = build_settings(values).stack, build_settings(values).stack
+    plain.settle = False
+    robot, rng, compared = plain.robot, np.random.default_rng(2), 0
+    for _ in range(200):
+        q = rng.uniform(robot.limits.position_min, robot.limits.position_max)
+        there = q + rng.uniform(-0.02, 0.02, robot.n)
+        commands = []
+        for stack in (plain, settled):
+            stack.robot.update(there)
+            for task in stack.tasks.values():
+                task.hold()
+            stack.rest()
+            commands.append(stack.step(q).command.copy())
+        J = [plain.tasks[name].J for name in plain.hierarchy]
+        _, s, Vt = np.linalg.svd(J[0])
+        least = min(s[-1], np.linalg.svd(J[1] @ Vt[3:].T, compute_uv=False)[-1])
+        if least > 0.15:
+            compared += 1
+            np.testing.assert_array_equal(commands[1], commands[0])
+    assert compared > 50
+
+
+@pytest.mark.parametrize('limit', [20.0, 5.0, 2.0, 0.5])
+@pytest.mark.parametrize('inverse', ['dls', 'adaptive'])
+def test_lower_levels_cost_higher_ones_nothing_at_any_limit(config, limit, inverse):
+    """Three levels on the Panda, moving already, at limits of speed, acceleration and range."""
+    values = read_parameter_file(config / 'panda.yaml', 'tp_controller')
+    values |= {
+        'solver.inverse': inverse,
+        'robot.limits.velocity': [limit],
+        'robot.limits.acceleration': [4.0 * limit],
+    }
+    rng = np.random.default_rng(1)
+    stacks = [
+        build_settings(values | {'hierarchy': values['hierarchy'][:count]}).stack
+        for count in (1, 2, 3)
+    ]
+    robot = stacks[0].robot
+    for _ in range(150):
+        q = rng.uniform(robot.limits.position_min, robot.limits.position_max)
+        before = rng.uniform(-0.5, 0.5, robot.n) * limit
+        targets = {
+            'hand_position': rng.normal(size=3),
+            'hand_orientation': rng.normal(size=4),
+            'posture': rng.normal(size=robot.n),
+        }
+        got = []
+        for stack in stacks:
+            for name, target in targets.items():
+                stack.tasks[name].target = target
+            stack.rest()
+            # The velocity that acceleration limits start from.
+            stack.safety_filter._before[:] = before
+            got.append([level.achieved.copy() for level in stack.step(q).levels])
+        for fewer, more in zip(got, got[1:], strict=False):
+            for alone, together in zip(fewer, more, strict=False):
+                size = max(1.0, float(np.abs(alone).max()))
+                assert np.abs(together - alone).max() <= 1e-6 * size
