@@ -1,5 +1,7 @@
 """Goals that cannot be had end in rest, and bounds do not break priorities."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -151,7 +153,7 @@ def test_lower_levels_cost_higher_ones_nothing_at_any_limit(config, limit, inver
             # The velocity that acceleration limits start from.
             stack.safety_filter._before[:] = before
             got.append([level.achieved.copy() for level in stack.step(q).levels])
-        for fewer, more in zip(got, got[1:], strict=False):
+        for fewer, more in pairwise(got):
             for alone, together in zip(fewer, more, strict=False):
                 size = max(1.0, float(np.abs(alone).max()))
                 assert np.abs(together - alone).max() <= 1e-6 * size
