@@ -233,9 +233,10 @@ class ControllerNode(RobotNode):
         """Answer the newest joint state that waits, if there is one; return whether it was."""
         if not self._cycle.work():
             return False
-        if not self._braking.is_canceled():
-            self._braking.cancel()
-        self._inputs.robot_seen()
+        if self._cycle.running:
+            if not self._braking.is_canceled():
+                self._braking.cancel()
+            self._inputs.robot_seen()
         return True
 
     def _publish_cycle(self, explain: bool) -> None:
@@ -247,7 +248,7 @@ class ControllerNode(RobotNode):
             return
         self._state.refresh(self._commands.velocity)
         try:
-            if explain:
+            if explain and not self._cycle.refused:
                 self._state.explain(self._intake.waits)
         except Exception as error:
             self._state.forget_explanation()
