@@ -7,10 +7,12 @@ from tp_interfaces.msg import ControllerState
 from tp_sim.harness import GoalRejected
 
 START = [0.0, 0.6, 0.3]
+UNTIMED = {'/**': {'rate': None}}
+"""Without a rate it is not judged whether the arm does what it is commanded to: it may jump."""
 
 
 def test_order_of_joints_and_extra_joints_do_not_change_the_command(lone_controller):
-    controller = lone_controller()
+    controller = lone_controller(UNTIMED)
     plain = controller.ask(START)
     permuted = controller.ask([0.3, 0.0, 0.6], ['joint_3', 'joint_1', 'joint_2'])
     extra = controller.ask(
@@ -27,7 +29,7 @@ def seen(state):
 
 
 def test_the_newest_state_is_answered_with_its_stamp_and_older_ones_are_counted(lone_controller):
-    controller = lone_controller()
+    controller = lone_controller(UNTIMED)
     controller.ask(START)
     # In bursts that the controller's queue holds, as after a process was not scheduled.
     for burst in range(4):
@@ -54,8 +56,8 @@ def test_the_newest_state_is_answered_with_its_stamp_and_older_ones_are_counted(
 @pytest.mark.parametrize('speed', [1.0, 0.1])
 def test_no_component_exceeds_its_limit_and_the_direction_is_kept(lone_controller, speed):
     limits = [speed, speed / 2.0, speed / 4.0]
-    free = lone_controller({'/**': {'robot': {'limits': None}}})
-    limited = lone_controller({'/**': {'robot': {'limits': {'velocity': limits}}}})
+    free = lone_controller({'/**': {'rate': None, 'robot': {'limits': None}}})
+    limited = lone_controller({'/**': {'rate': None, 'robot': {'limits': {'velocity': limits}}}})
     for position in ([0.0, 0.6, 0.3], [1.0, -2.0, -0.4], [-2.0, 0.1, 2.5]):
         wanted = np.array(free.ask(position))
         command = np.array(limited.ask(position))
@@ -142,7 +144,8 @@ def test_array_commands_carry_the_same_velocities_in_the_order_of_the_joints(lon
 
 
 def test_a_task_without_a_target_holds_its_first_value(lone_controller):
-    controller = lone_controller({'tp_controller': {'tasks': {'ee_position': {'target': None}}}})
+    untargeted = {'tp_controller': {'tasks': {'ee_position': {'target': None}}}}
+    controller = lone_controller(UNTIMED | untargeted)
     controller.client.wait_for(lambda: controller.state is not None, 'a state')
     assert np.abs(controller.ask(START)).max() < 1e-12
     assert np.abs(controller.ask([0.1, 0.6, 0.3])).max() > 1e-3

@@ -341,6 +341,7 @@ class Stack:
         if not self.safety_filter.take(q, elapsed, qd):
             self._wish[:] = 0.0
             self.safety_filter.brake(self._qd)
+            np.dot(self._J, self._qd, out=self._achieved)
             raise UnusableState(self.arm.notice, self._command)
         self.robot.update(self.arm.z)
         for task in self._unaimed:

@@ -78,7 +78,7 @@ class ControllerNode(RobotNode):
         period = 1.0 / rate if rate else math.inf
 
         self._state = StateMessage(self._stack)
-        self._parameters = LiveParameters(self, self._settings, self._state.follow_hierarchy)
+        self._live_parameters = LiveParameters(self, self._settings, self._state.follow_hierarchy)
         self._warnings = Warnings(self._log_warning)
         self._inputs = TaskInputs(self, self._settings, self._state, self._warnings, period)
         for task in self._stack.tasks.values():
@@ -198,14 +198,14 @@ class ControllerNode(RobotNode):
     def _on_task_added(self, task: Task) -> Iterator[None]:
         self._follow_tasks()
         yield
-        yield from self._parameters.declare(task)
+        yield from self._live_parameters.declare(task)
         yield from self._listen(task)
 
     def _on_task_removed(self, task: Task, keys: Sequence[str]) -> Iterator[None]:
         self._inputs.forget(task)
         self._follow_tasks()
         yield
-        self._parameters.forget(keys)
+        self._live_parameters.forget(keys)
 
     def _follow_tasks(self) -> None:
         self._state.follow_tasks()
@@ -233,9 +233,10 @@ class ControllerNode(RobotNode):
         """Answer the newest joint state that waits, if there is one; return whether it was."""
         if not self._cycle.work():
             return False
-        if not self._braking.is_canceled():
-            self._braking.cancel()
-        self._inputs.robot_seen()
+        if self._cycle.running:
+            if not self._braking.is_canceled():
+                self._braking.cancel()
+            self._inputs.robot_seen()
         return True
 
     def _publish_cycle(self, explain: bool) -> None:
@@ -247,7 +248,7 @@ class ControllerNode(RobotNode):
             return
         self._state.refresh(self._commands.velocity)
         try:
-            if explain:
+            if explain and not self._cycle.refused:
                 self._state.explain(self._intake.waits)
         except Exception as error:
             self._state.forget_explanation()

@@ -102,6 +102,8 @@ class Cycle:
         """Zero commands since the arm came to rest; see `brake`."""
         self.behind = False
         """Whether states were skipped for the last one."""
+        self.refused = False
+        """Whether the last state could not be used, and was answered by braking."""
         self._unanswered = 0
         self._braked = self._moved = -math.inf
         self._step_time: float | None = None
@@ -226,16 +228,17 @@ class Cycle:
             self._commands.send_prepared()
         state.solve_time = time.perf_counter() - start
         self._note_answer(arrival, again, step_time)
+        self.refused = refusal is not None
         if refusal is not None:
             state.ignored_states += 1
             if not self._stack.arm.notice:
                 self._warnings.warn('commands', f'no command: {refusal}')
-            return False
-        self._note_time(arrival, again, elapsed)
+        else:
+            self._note_time(arrival, again, elapsed)
         state.cycles += 1
         state.header.stamp = arrival.msg.header.stamp
         state.scale = scale
-        if not self.running:
+        if not self.running and not self.refused:
             state.status = ControllerState.RUNNING
             self._logger.info('running')
         return True
