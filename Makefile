@@ -19,7 +19,7 @@ demo: setup
 	@source ./setup.bash && install/tp_sim/lib/tp_sim/demo --config $(CONFIG) --out out/demo
 
 test: setup
-	@source ./setup.bash && python -m pytest $(PYTEST_ARGS)
+	@source ./setup.bash && python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
 
 lint: setup
 	@source ./setup.bash && ruff check && ruff format --check && mypy && python tools/check_packages.py

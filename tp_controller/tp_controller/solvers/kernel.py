@@ -293,6 +293,8 @@ def _recur(  # type: ignore[no-untyped-def]
         first, end = starts[level], starts[level + 1]
         rule = rules[level]
         if bounded:
+            # Rows that are broken may not get worse while they are mended.
+            _least_rates(J, velocity, sided, first, end, qd, floor)
             k, square = _broken(J, velocity, sided, first, end, qd, order, sides[0], stops, level)
             if k > 0 and m > 0:
                 smallest = tolerance * math.sqrt(square)
@@ -311,12 +313,7 @@ def _recur(  # type: ignore[no-untyped-def]
                 )  # fmt: skip
                 if result != DONE:
                     return result
-            for r in range(first, end):
-                if sided[r]:
-                    rate = 0.0
-                    for c in range(n):
-                        rate += J[r, c] * qd[c]
-                    floor[r] = min(velocity[r], rate)
+            _least_rates(J, velocity, sided, first, end, qd, floor)
         k, square = gather(J, velocity, acts, first, end - first, qd, order, sides[0])
         if not square < math.inf:
             return FAILED
@@ -378,6 +375,17 @@ def _recur(  # type: ignore[no-untyped-def]
         if not math.isfinite(qd[c]):
             return FAILED
     return DONE
+
+
+@njit(cache=True)
+def _least_rates(J, velocity, sided, first, end, qd, floor):  # type: ignore[no-untyped-def]
+    """Fill the least rates (K,) of a level's one-sided rows: what they have if that is less."""
+    for r in range(first, end):
+        if sided[r]:
+            rate = 0.0
+            for c in range(qd.size):
+                rate += J[r, c] * qd[c]
+            floor[r] = min(velocity[r], rate)
 
 
 @njit(cache=True)
