@@ -212,8 +212,7 @@ class Client:
 
         self.wait_for(answered, f'an answer to the goal of {name}')
         if self.task(name).rejected_goals > before.rejected_goals:
-            assert self.state is not None
-            raise GoalRejected(self.state.message)
+            raise GoalRejected(f'{name}: {self.task(name).message}')
 
     def send_feedforward(self, name: str, values: Sequence[float], frame: str = '') -> None:
         """Send a feedforward and wait until the controller uses it.
@@ -249,7 +248,7 @@ class Client:
 
         self.wait_for(answered, f'an answer to the feedforward of {name}')
         if self.state.rejected_goals > rejected:
-            raise GoalRejected(self.state.message)
+            raise GoalRejected(f'{name}: {self.task(name).message}')
 
     def _keep_state(self, msg: ControllerState) -> None:
         self.state = msg
