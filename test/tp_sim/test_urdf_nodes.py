@@ -86,5 +86,5 @@ def test_a_description_that_cannot_be_used_is_refused_by_both_nodes(crane, tmp_p
     with pytest.raises(HarnessError, match=r"status 2:\ntp_\w+: robot\.urdf: got joint 'turn'"):
         ClosedLoop(crane)
     crane['/**']['robot']['urdf'] = str(tmp_path / 'nothing.urdf')
-    with pytest.raises(HarnessError, match=r'status 2:\ntp_\w+: robot\.urdf: got .*nothing.urdf'):
+    with pytest.raises(HarnessError, match=r'status 2:\ntp_\w+: robot\.urdf: got .*/noth'):
         ClosedLoop(crane)

@@ -17,6 +17,8 @@ Matrix = NDArray[np.float64]
 
 NAMED = 0.01
 """A level above that blocks less than this share of what a level lost is not named."""
+SETTLED = 1e-3
+"""Share of the length of the rows up to which a singular value counts as lost by settling."""
 TOLD = 1e-6
 """Losses [m/s, rad/s] up to this one are not put into words."""
 
@@ -85,6 +87,9 @@ def explanations(stack: Stack) -> Iterator[Explanation]:
     # Loaded by the solver already; at the top it would be loaded to refuse a parameter file.
     from tp_controller.solvers.directions import STILL
 
+    # A level that settles stays near the singularity that it has lost a direction to.
+    settles = stack.settle and solver.settles
+    tolerance = SETTLED if settles else RANK_TOLERANCE
     T = solver.metric
     size = float(np.linalg.norm(T, 2))
     free = np.eye(T.shape[0])
@@ -114,7 +119,7 @@ def explanations(stack: Stack) -> Iterator[Explanation]:
         lost = system.requested[acts] - answered
         guarded = answered - system.achieved[acts]
         U, s, Vt = np.linalg.svd(J @ free)
-        rank = int(np.count_nonzero(s > RANK_TOLERANCE * size * np.linalg.norm(J)))
+        rank = int(np.count_nonzero(s > tolerance * size * np.linalg.norm(J)))
         U, s = U[:, :rank], s[:rank]
         passed = s * s / (s * s + damping**2 * np.maximum(0.0, 1.0 - (s / region) ** 2))
         # Scaling shortened everything alike after the last level.

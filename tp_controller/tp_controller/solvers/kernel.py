@@ -188,6 +188,9 @@ def _serve(  # type: ignore[no-untyped-def]
                 if way[critical] > 0.0
                 else (low[critical] <= firm_low[critical])
             )
+        ranged = firm
+        # A level that would get nothing slides along limits of speed and acceleration, too.
+        firm = firm or share <= 0.0
         if not firm and (freedom == 1 or found == LOSES):
             # A level that loses is scaled: holding joints would change what it loses.
             break
@@ -195,7 +198,8 @@ def _serve(  # type: ignore[no-untyped-def]
             for c in range(n):
                 origin[c] = start[c] + max(min(most, 1.0), 0.0) * way[c]
                 base[c] = start[c] = origin[c]
-            stops[critical] = level
+            if ranged:
+                stops[critical] = level
         else:
             bound = high[critical] if way[critical] > 0.0 else low[critical]
             gap = bound - base[critical]
