@@ -103,6 +103,8 @@ def test_a_description_may_come_late_and_stays(lone_controller, config):
     for other in (text.replace('\n', ' '), TELESCOPE, '<robot'):
         publisher.publish(String(data=other))
     client.wait_for(lambda: 'ignored' in process.output, 'a warning')
+    # This arm did not move as commanded: the next answer would be braking, until it rests.
+    client.wait_for(lambda: controller.state.status == ControllerState.STALE, 'rest')
     assert controller.ask([0.0, 0.6, 0.3]) == before
     assert 'waiting' not in controller.state.message
     client.set_parameters('tp_controller', {'hierarchy': ['ee_position']})
