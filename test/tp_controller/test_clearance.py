@@ -170,25 +170,29 @@ def test_a_bound_is_never_above_its_distance_and_near_ones_are_exact(arm, obstac
             assert np.all(kept.distance <= exact + 1e-6)
             np.testing.assert_allclose(kept.distance[near], exact[near], atol=1e-6)
             assert np.all(kept.distance[~near] >= threshold - 1e-6)
+            assert kept.distance.min() == pytest.approx(exact.min(), abs=1e-6)
             assert not kept.slope[~near].any()
             probed = np.zeros_like(exact)
             kept.probe(probed)
             np.testing.assert_array_equal(probed, kept.distance)
 
 
-def test_far_rows_are_not_computed_anew(monkeypatch):
+def test_of_far_rows_only_the_least_distance_is_computed_anew(monkeypatch):
     robot = planar_robot(1.0, 1.0)
     clearance = obstacle_clearance(
         robot, robot_bodies(robot, link_radius=[0.1]), half_space([0.0, -5.0, 0.0], [0, 1, 0])
     )
     clearance.threshold = 0.1
     clearance.update()
-    monkeypatch.setattr(clearance, '_compute', lambda pair: pytest.fail('computed'))
-    robot.update(np.array([0.5, -0.5]))
+    compute, computed = clearance._compute, []
+    monkeypatch.setattr(clearance, '_compute', lambda pair: computed.append(pair) or compute(pair))
+    robot.update(np.array([-0.5, 0.0]))
     clearance.update()
+    assert computed == [3]
     assert clearance.names == ('link_1 start', 'link_1 end', 'link_2 start', 'link_2 end')
-    away = 0.5 * np.array([0.1, 1.1, 1.1 + 0.1, 2.1 + 1.1])
-    np.testing.assert_allclose(clearance.distance, 4.9 - away)
+    away = 0.5 * np.array([0.1, 1.1, 1.1])
+    np.testing.assert_allclose(clearance.distance[:3], 4.9 - away)
+    assert clearance.distance[3] == pytest.approx(4.9 - 2.0 * np.sin(0.5))
 
 
 @given(clad_arms(), obstacles(), vectors(3, 1), vectors(3, 1), st.booleans(), st.data())

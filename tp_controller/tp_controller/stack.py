@@ -14,11 +14,14 @@ from tp_controller.arm import Arm
 from tp_controller.errors import InvalidValue, UnusableState, listed, shown
 from tp_controller.robot import Limits, Robot
 from tp_controller.safety_filter import SafetyFilter
-from tp_controller.solvers import Curvature, Solver
+from tp_controller.solvers import Bounds, Curvature, Solver
 from tp_controller.tasks import SetBasedTask, Task
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
+
+ENDLESS = 1e12
+"""Speed [rad/s, m/s] that stands for any."""
 
 
 class LevelResult(NamedTuple):
@@ -100,7 +103,7 @@ class Stack:
         self._unaimed = [task for task in self.tasks.values() if task.target_size]
         self._held: list[Task] = []
         self.safety_filter = SafetyFilter(robot, period)
-        self._qd, self._wish = np.zeros((2, robot.n))
+        self._qd, self._wish, self._fastest = np.zeros((3, robot.n))
         self._command = _read_only(self._qd)
         self._members: list[list[Task]] = []
         self.hierarchy = hierarchy
@@ -140,6 +143,7 @@ class Stack:
         ]
         for task, _, _ in self._parts:
             task.place(self._J[self._rows[task.name]])
+        self._bounding = [task for task, _, _ in self._parts if task.set_based]
         bends = [np.zeros(task.k) if task.set_based else task.bend for task, _, _ in self._parts]
         self._curvature = Curvature(
             self._errors,
@@ -351,12 +355,13 @@ class Stack:
         try:
             # What overflows is not finite and refused below.
             with np.errstate(over='ignore', invalid='ignore'):
+                bounds = self.safety_filter.bounds()
+                self._expect(bounds)
                 for task, velocity, error in self._parts:
                     task.update()
                     task.desired_velocity(velocity)
                     if not task.set_based:
                         error[:] = task.error
-                bounds = self.safety_filter.bounds()
                 scale = self.solver.solve(
                     self._J,
                     self._velocity,
@@ -374,6 +379,15 @@ class Stack:
         self.safety_filter.pass_on(self._qd)
         np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
+
+    def _expect(self, bounds: Bounds) -> None:
+        """Tell tasks which speeds the next step can have."""
+        fastest = self._fastest
+        np.negative(bounds.soon_lower, out=fastest)
+        np.maximum(fastest, bounds.soon_upper, out=fastest)
+        np.minimum(fastest, ENDLESS, out=fastest)
+        for task in self._bounding:
+            task.expect(fastest)
 
     def know_period(self, period: float) -> None:
         """Take over the time [s] of one step, which was unknown so far."""

@@ -75,7 +75,8 @@ class Clearance:
         The link of each row, and the other one, None for the obstacle.
     distance
         Distance (k,) [m] of every row that is nearer than its threshold, of the others a
-        lower bound that is not below the threshold; filled by `update`.
+        lower bound that is not below the threshold; the least of all is exact. Filled by
+        `update`.
     slope
         Derivative (k, n) of the distances that are nearer than their threshold, for the
         others zero; filled by `update`.
@@ -130,7 +131,7 @@ class Clearance:
         # of it, and the line [n; p × n] of the shortest way.
         self._known, self._lower = np.full(pairs, -math.inf), np.full(pairs, -math.inf)
         self._anchor, self._lines = np.zeros((pairs, n)), np.zeros((pairs, 6))
-        self.threshold = np.full(k, math.inf)
+        self._threshold, self._pair_threshold = np.full(k, math.inf), np.full(pairs, math.inf)
 
     @property
     def threshold(self) -> Vector:
@@ -139,8 +140,8 @@ class Clearance:
 
     @threshold.setter
     def threshold(self, values: float | Vector) -> None:
-        self._threshold = np.array(np.broadcast_to(values, len(self.names)), dtype=float)
-        self._pair_threshold = self._threshold[self._row_of]
+        self._threshold[:] = values
+        self._threshold.take(self._row_of, out=self._pair_threshold)
 
     @property
     def obstacle(self) -> Shape | None:
@@ -164,7 +165,7 @@ class Clearance:
     def update(self) -> None:
         """Fill `distance` and `slope` at the robot's present configuration."""
         self.slope.fill(0.0)
-        if self._measure(self._pair_threshold, self.distance):
+        if self._measure(self._pair_threshold, self.distance, True):
             rows = np.flatnonzero(self.distance < self._threshold)
             if rows.size:
                 self._fill_slope(rows)
@@ -199,24 +200,43 @@ class Clearance:
             ]
         )
 
-    def _measure(self, threshold: Vector, distance: Vector) -> bool:
-        """Fill distances (k,); whether any had to be computed."""
+    def _measure(self, threshold: Vector, distance: Vector, least: bool = False) -> bool:
+        """Fill distances (k,), and the least of all exactly on demand; whether any is near."""
         q, lower = self.robot.q, self._lower
         near = self._lower_bounds(
             q, self._anchor, self._pair_reaches, self._known, threshold, lower
         )
         if near:
-            pin.updateGeometryPlacements(
-                self.robot.model, self.robot.data, self._geometry, self._results
-            )
+            self._place_shapes()
             for pair in np.flatnonzero(lower < threshold).tolist():
                 if self._compute(pair):
                     self._anchor[pair] = q
+        if least:
+            self._find_least(near)
         if len(lower) == len(distance):
             distance[:] = lower
         else:
             np.minimum.reduceat(lower, self._starts, out=distance)
         return near
+
+    def _place_shapes(self) -> None:
+        pin.updateGeometryPlacements(
+            self.robot.model, self.robot.data, self._geometry, self._results
+        )
+
+    def _find_least(self, placed: bool) -> None:
+        """Compute distances until the least one is known; shapes may be in place already."""
+        lower = self._lower
+        for _ in range(len(lower)):
+            pair = int(lower.argmin())
+            if lower[pair] == self._known[pair]:
+                return
+            if not placed:
+                self._place_shapes()
+                placed = True
+            if not self._compute(pair):
+                return
+            self._anchor[pair] = self.robot.q
 
     def _compute(self, pair: int) -> bool:
         """Distance and line of a pair of shapes whose placements are up to date.

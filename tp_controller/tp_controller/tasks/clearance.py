@@ -14,6 +14,8 @@ from tp_controller.tasks.set_based import SetBasedTask, Switching, Thresholds
 Vector = NDArray[np.float64]
 
 
+BEYOND = 1.01
+"""Distances are computed up to so many times as far as rows come in."""
 WIDE = 0.1
 """A margin [m] above this one that nobody asked for is told."""
 
@@ -60,7 +62,17 @@ class ClearanceTask(SetBasedTask):
         super()._take(thresholds)
         # Just beyond where rows come in or go out.
         edge = thresholds.release if thresholds.edge is None else thresholds.edge
-        self.clearance.threshold = 1.01 * edge
+        self._near: Vector = np.empty(self.k)
+        self.clearance.threshold = BEYOND * edge
+
+    def expect(self, speed: Vector) -> None:
+        """Let only rows come in that such speeds (n,) could break; see `Task.expect`."""
+        if self.one_sided:
+            near = self._near
+            np.dot(self.reach, speed, out=near)
+            self._narrow(near)
+            near *= BEYOND
+            self.clearance.threshold = near
 
     def _wide_margin(self) -> str:
         velocity = self.robot.limits.velocity

@@ -349,6 +349,18 @@ class SetBasedTask(Task):
         """
         out.fill(-math.inf)
 
+    def _narrow(self, near: Vector) -> None:
+        """Turn fastest rates of the distances (k,) into how near each row has to come in.
+
+        At a larger distance its bound holds by itself.
+        """
+        assert self._edge is not None
+        np.maximum(self._feedforward, 0.0, out=self._edge)
+        near += self._edge
+        near *= self._time
+        near += self.margin
+        self._edge[:] = near
+
     def update(self) -> None:
         """Compute `distance`, `error` and `J` at the robot's present configuration."""
         self.measure()

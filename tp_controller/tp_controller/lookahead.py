@@ -1,0 +1,355 @@
+"""Lookahead: whether the arm can stop without a distance that becomes too small."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.arm import Arm
+from tp_controller.robot import Robot
+from tp_controller.tasks import SetBasedTask
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+CLEAR = 1e-6
+"""Distance [m, rad] that is left for rounding, or a tenth of a margin."""
+LEEWAY = 1e-3
+"""By how much [m, rad] a distance that is negative may be lower between two samples: with bounds
+alone nothing can be proven of one that must not become smaller at all."""
+PROBES = 200
+"""Configurations that are looked at before a command counts as unsafe."""
+
+Near = list[tuple[SetBasedTask, slice]]
+"""Tasks with the rows of their distances."""
+
+
+class Lookahead:
+    """Checks the distances of tasks on the way that a command leads to, braking included.
+
+    These are the distances themselves, not their linearisation: at the configuration that the
+    command leads to, at those of the braking trajectory from there, all joints together or else
+    each as hard as it can, and in between. A distance that is negative already must not become
+    smaller.
+
+    Parameters
+    ----------
+    robot
+        The robot, with its limits and its response.
+    arm
+        What the arm makes of the commands.
+    tasks
+        Whose distances are kept.
+
+    Attributes
+    ----------
+    tasks
+        The tasks, with the rows of their distances.
+    together
+        Whether the braking trajectory found last has all joints stop at the same time.
+    short
+        Names of the tasks whose distances forbade the last command.
+    """
+
+    def __init__(self, robot: Robot, arm: Arm, tasks: Iterable[SetBasedTask]) -> None:
+        self._robot, self._arm = robot, arm
+        self.tasks: Near = []
+        rows = 0
+        for task in tasks:
+            self.tasks.append((task, slice(rows, rows + task.k)))
+            rows += task.k
+        self._reach: Matrix = np.zeros((rows, robot.n))
+        for task, part in self.tasks:
+            self._reach[part] = task.reach
+        margins = [np.full(task.k, task.margin) for task, _ in self.tasks]
+        self._clear = np.minimum(0.1 * np.concatenate([*margins, np.zeros(0)]), CLEAR)
+        self._lowest, self._found = self._clear.copy(), self._clear.copy()
+        self._past_lowest = self._clear.copy()
+        self._distance, self._required, self._leeway, self._most, self._bend = np.zeros((5, rows))
+        self._doubtful = np.zeros(rows, dtype=np.bool_)
+        response = robot.response
+        # Noise counts twice where the arm may do something else than the model.
+        noise = response.noise * (2.0 if response.hold else 1.0)
+        self._reserve = self._clear + self._reach @ noise
+        self._late = not response.ideal
+        self._rest, self._way, self._speed, self._q = np.zeros((4, robot.n))
+        self._acceleration = robot.limits.acceleration
+        self._line = np.zeros((4, robot.n))
+        self._budget = 0
+        self.together = self._past_together = True
+        self.short: tuple[str, ...] = ()
+
+    @cached_property
+    def _compiled(self) -> tuple[Any, Any]:
+        """Modules that are compiled, or loaded, for arms that move."""
+        from tp_controller import braking, following
+
+        return braking, following
+
+    def keep(self) -> None:
+        """Let `undo` lead to the present state."""
+        self._past_lowest[:], self._past_together = self._lowest, self.together
+
+    def undo(self) -> None:
+        """Go back by a step."""
+        self._lowest[:], self.together = self._past_lowest, self._past_together
+
+    def begin(self) -> None:
+        """Take over the distances of the tasks' last update, at the reference configuration."""
+        self._q[:] = self._arm.z
+        self.short = ()
+        for task, part in self.tasks:
+            self._distance[part] = task.distance
+        if self._late:
+            # What was found before does not count: noise would take it down, step by step.
+            np.minimum(self._distance, self._reserve, out=self._required)
+        else:
+            np.minimum(self._lowest, self._distance, out=self._required)
+            np.minimum(self._required, self._clear, out=self._required)
+        np.multiply(LEEWAY, self._distance < self._clear, out=self._leeway)
+
+    def is_safe(self, command: Vector, acceleration: Vector) -> bool:
+        """Whether the arm can stop from a command, in one way or the other.
+
+        Parameters
+        ----------
+        command
+            Velocities (n,) of the step.
+        acceleration
+            Limits (n,) in changes of velocity by `Arm.step`.
+        """
+        self._budget, self._acceleration = PROBES, acceleration
+        if self._late:
+            return self._stops_late(command)
+        accelerates = bool(np.isfinite(acceleration).any())
+        for together in (True, False) if accelerates else (True,):
+            if self._stops(command, together):
+                self._lowest[:] = self._found
+                self.together = together
+                return True
+        return False
+
+    def _stops(self, command: Vector, together: bool) -> bool:
+        """Whether every distance stays above what is required, until the arm has stopped."""
+        braking, _ = self._compiled
+        limits, dt = self._robot.limits, self._arm.step
+        acceleration, doubtful = self._acceleration, self._doubtful
+        doubts = braking.doubts(
+            self._q,
+            command,
+            limits.position_min,
+            limits.position_max,
+            acceleration,
+            dt,
+            together,
+            self._distance,
+            self._required,
+            self._reach,
+            self._rest,
+            self._speed,
+            doubtful,
+        )
+        if doubts < 0:
+            return False
+        np.minimum(self._distance, self._clear, out=self._found)
+        if doubts == 0:
+            return True
+        near = [(task, part) for task, part in self.tasks if doubtful[part].any()]
+        after = self._q + dt * command
+        end = after + self._rest
+        # Of a row that cannot use up its room on the whole way, that is enough.
+        enough = self._required + self._reach @ np.abs(end - self._q)
+        enough[~doubtful] = -np.inf
+        first, last = np.full((2, doubtful.size), np.inf)
+        start = np.where(doubtful, self._distance, np.inf)
+        steps = braking.steps_to_rest(command, acceleration, dt)
+        try:
+            return (
+                self._is_wide(near, end, last, enough)
+                and self._is_wide(near, after, first, enough)
+                and self._straight(near, self._q, after, start, first)
+                and self._along(near, command, together, (0, steps), (after, end), (first, last))
+            )
+        finally:
+            self._robot.update(self._q)
+
+    def _along(
+        self,
+        near: Near,
+        command: Vector,
+        together: bool,
+        steps: tuple[int, int],
+        ends: tuple[Vector, Vector],
+        distances: tuple[Vector, Vector],
+    ) -> bool:
+        """Whether distances are large enough between two steps of the braking trajectory.
+
+        No joint turns back while it brakes, so that no distance changes by more than the lengths
+        of the joints' ways allow. Where that does not tell, the step in the middle is looked at.
+
+        Parameters
+        ----------
+        near
+            Tasks that count.
+        command, together
+            From where and how the arm brakes.
+        steps, ends, distances
+            The two steps, the configurations (n,) and the distances (k,) there; these are
+            infinite for rows that do not count.
+        """
+        braking, following = self._compiled
+        before, after = ends
+        first, last = distances
+        following.lengths(before, after, self._reach, self._most, self._bend)
+        short = 0.5 * (first + last - self._most) < self._required
+        if not short.any():
+            return True
+        if steps[1] - steps[0] <= 1:
+            return self._straight(near, before, after, first, last)
+        self.short = _below(near, np.where(short, -np.inf, np.inf), self._required)
+        if self._budget <= 0:
+            return False
+        self._budget -= 1
+        middle = (steps[0] + steps[1]) // 2
+        braking.coast(
+            command, self._acceleration, self._arm.step, together, middle, self._way, self._speed
+        )
+        q = self._q + self._arm.step * command + self._way
+        # Either half is at most as long as the whole; other rows are done with.
+        enough = np.where(short, self._required + self._most, -np.inf)
+        near = [(task, part) for task, part in near if short[part].any()]
+        distance = np.full(short.size, np.inf)
+        return (
+            self._is_wide(near, q, distance, enough)
+            and self._along(
+                near, command, together, (steps[0], middle), (before, q), (first, distance)
+            )
+            and self._along(
+                near, command, together, (middle, steps[1]), (q, after), (distance, last)
+            )
+        )
+
+    def _stops_late(self, command: Vector) -> bool:
+        """As `_stops`, for an arm that may do something else before it brakes."""
+        limits, required = self._robot.limits, self._required
+        if not self._arm.line(
+            command,
+            self._acceleration,
+            limits.position_min,
+            limits.position_max,
+            self._line,
+        ):
+            return True
+        start, way, tube = self._line[:3]
+        doubtful = self._doubtful
+        if not self._compiled[1].line_doubts(
+            way, tube, self._distance, required, self._reach, doubtful
+        ):
+            return True
+        near = [(task, part) for task, part in self.tasks if doubtful[part].any()]
+        first, last = np.full((2, doubtful.size), np.inf)
+        end = start + way
+        enough = required + self._reach @ (np.abs(way) + tube)
+        enough[~doubtful] = -np.inf
+        try:
+            self._probe(near, end, last, enough)
+            self._probe(near, start, first, enough)
+            first[~doubtful] = last[~doubtful] = np.inf
+            # Where the arm is already too near it must not get nearer.
+            required = np.minimum(required, first) + self._reach @ tube
+            for distance in (first, last):
+                if np.any(distance < required):
+                    self.short = _below(near, distance, required)
+                    return False
+            return self._straight(near, start.copy(), end, first, last, required)
+        finally:
+            self._robot.update(self._q)
+
+    def _is_wide(self, near: Near, q: Vector, out: Vector, enough: Vector) -> bool:
+        """Fill distances (k,) at a configuration; whether they are what is required.
+
+        Those of rows that do not count, of which nothing is enough, are infinite.
+        """
+        self._probe(near, q, out, enough)
+        out[enough == -np.inf] = np.inf
+        if np.any(out < self._required):
+            self.short = _below(near, out, self._required)
+            return False
+        np.minimum(self._found, out, out=self._found)
+        return True
+
+    def _probe(self, near: Near, q: Vector, out: Vector, enough: Vector) -> None:
+        """Fill the distances of tasks at a configuration, where the robot stays."""
+        self._robot.place(q)
+        for task, part in near:
+            task.probe(out[part], enough[part])
+
+    def _straight(
+        self,
+        near: Near,
+        before: Vector,
+        after: Vector,
+        first: Vector,
+        last: Vector,
+        required: Vector | None = None,
+    ) -> bool:
+        """Whether distances are large enough on the straight way between two configurations.
+
+        No distance changes by more than its reach allows, and no point of a link leaves the
+        straight line between its places by more than the bend of the way. Where that does not
+        tell, the way is halved (conservative advancement, by bisection).
+
+        Parameters
+        ----------
+        near
+            Tasks that count.
+        before, after
+            The configurations (n,).
+        first, last
+            The distances (k,) there, infinite for rows that do not count.
+        required
+            What is required (k,); of the present command when left out.
+        """
+        if required is None:
+            required = self._required
+        most, bend = self._most, self._bend
+        self._compiled[1].lengths(before, after, self._reach, most, bend)
+        short = 0.5 * (first + last - most) < required - self._leeway
+        if not short.any():
+            return True
+        lowest = np.full(short.size, np.inf)
+        near = [(task, part) for task, part in near if short[part].any()]
+        self._robot.place(before)
+        for task, _ in near:
+            task.mark()
+        self._robot.place(after)
+        for task, part in near:
+            task.between(bend[part], lowest[part])
+        short &= lowest < required - self._leeway
+        if not short.any():
+            return True
+        self.short = _below(near, np.where(short, -np.inf, np.inf), required)
+        if self._budget <= 0:
+            return False
+        self._budget -= 1
+        near = [(task, part) for task, part in near if short[part].any()]
+        # Half the way is as long as half of it; other rows are done with.
+        enough = np.where(short, required + 0.5 * most, -np.inf)
+        middle, distance = 0.5 * (before + after), np.full(short.size, np.inf)
+        self._probe(near, middle, distance, enough)
+        distance[~short] = np.inf
+        if np.any(distance < required - self._leeway):
+            return False
+        return self._straight(near, before, middle, first, distance, required) and self._straight(
+            near, middle, after, distance, last, required
+        )
+
+
+def _below(near: Near, distance: Vector, required: Vector) -> tuple[str, ...]:
+    """Names of the tasks of which a distance (k,) is below what is required."""
+    short = distance < required
+    return tuple(task.name for task, part in near if short[part].any())
