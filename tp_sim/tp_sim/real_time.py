@@ -6,10 +6,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
-
-from rclpy.callback_groups import CallbackGroup
-from rclpy.subscription import Subscription
 
 LONGEST_GAP = 1.0
 """Time [s] that is caught up at most."""
@@ -96,29 +92,3 @@ class RealTime:
                         f'busy, or {1.0 / self._dt:g} Hz is too much for it'
                     )
                 window, late, before = now, 0, done
-
-
-class Polled(CallbackGroup):
-    """Callback group of a subscription that no executor executes: `take` reads it.
-
-    Its events are not executed either: with one of them in its wait set, an executor wakes at
-    every message.
-    """
-
-    def can_execute(self, entity: Any) -> bool:
-        """Whether an executor may execute it: never."""
-        return False
-
-    def beginning_execution(self, entity: Any) -> bool:
-        """Let it begin."""
-        return True
-
-    def ending_execution(self, entity: Any) -> None:
-        """Let it end."""
-
-
-def take(subscription: Subscription) -> Any:
-    """Take the next message of a polled subscription, None if there is none."""
-    with subscription.handle:
-        found = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-    return None if found is None else found[0]

@@ -22,10 +22,11 @@ from tp_controller.config.schema import COMMAND_TYPES
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.ros.joint_states import JointStateReader
 from tp_controller.ros.parameters import ROS_OWN, describe_parameters
+from tp_controller.ros.polled import Polled, take
 from tp_controller.ros.robot_node import TOPIC, TOPIC_QOS, RobotNode
 from tp_interfaces.srv import Reset, Step
 from tp_sim.lockstep import Lockstep
-from tp_sim.real_time import Polled, RealTime, take
+from tp_sim.real_time import RealTime
 from tp_sim.settings import (
     build_simulator_settings,
     check_plant_values,

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
+from rclpy.executors import Executor, TimeoutException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.timer import Timer
 from visualization_msgs.msg import MarkerArray
@@ -40,6 +41,12 @@ LONGEST_SILENCE = 0.1
 """Time [s] after which the state is published even while joint states wait."""
 NEIGHBOUR_PERIOD = 1.0
 """Time [s] between two looks for other publishers."""
+SERVE_PERIOD = 0.02
+"""Time [s] between two looks for other things to do at least,"""
+SERVE_AGAIN = 0.01
+"""right after a joint state was answered,"""
+SERVE_SOON = 0.001
+"""and while there is more to do."""
 IN_A_ROW = 3
 """So many joint states are answered before other work, if they wait already."""
 
@@ -47,8 +54,9 @@ IN_A_ROW = 3
 class ControllerNode(RobotNode):
     """Answers joint states with joint velocity commands.
 
-    Its executor calls `work` after every callback. There the newest joint state is answered
-    first; one piece of other work at a time follows while none waits.
+    It waits for joint states alone and answers the newest in `work`. What else there is to do,
+    which takes an executor longer than a cycle to look for, follows an answer at times, as long
+    as no state waits.
     """
 
     def __init__(self) -> None:
@@ -107,11 +115,12 @@ class ControllerNode(RobotNode):
         self._marker_publisher = self.create_publisher(MarkerArray, '~/markers', 10)
         self._due = False
         self._published = self._heartbeat_at = -math.inf
-        self._make_timer(self._cycle.look_period, self._look)
         self._make_timer(MARKER_PERIOD, self._publish_markers)
         self._make_timer(NEIGHBOUR_PERIOD, self._look_around)
-        self._braking = self._make_timer(self._cycle.braking_period, self._brake)
-        self._braking.cancel()
+        # Steady times [s] at which things are due.
+        self._look_at = self._serve_at = self._served = -math.inf
+        self._brake_at = math.inf
+        self._answered = False
         TaskServices(self, self._settings, self._on_task_added, self._on_task_removed)
         self.get_logger().info(f'waiting for joint states; tasks by level: {self._levels()}')
         # What is there now stays: the collector need not look at it again, which takes long.
@@ -176,7 +185,6 @@ class ControllerNode(RobotNode):
         know_rate(self._settings, rate)
         self._watch.period = 1.0 / rate
         self._inputs.know_period(1.0 / rate)
-        self._braking.timer_period_ns = round(1e9 / rate)
         self._warnings.clear('rate')
         self._warnings.warn(
             'found rate', f'rate: {rate:.4g} Hz, found from the joint states; ranges are kept'
@@ -213,17 +221,55 @@ class ControllerNode(RobotNode):
 
     # Cycle, and what is done between two of them
 
+    def spin(self, executor: Executor) -> None:
+        """Do what is due, else wait for a joint state; see `RobotNode.spin`."""
+        if not self.started:
+            super().spin(executor)
+            return
+        now = time.monotonic()
+        answered, self._answered = self._answered, False
+        if now >= self._brake_at:
+            self._brake_at = max(self._brake_at, now - LONGEST_SILENCE)
+            self._brake_at += self._cycle.braking_period
+            self._brake()
+        elif now >= self._look_at:
+            self._look_at = now + self._cycle.look_period
+            self._look()
+        elif now >= self._serve_at or (answered and now >= self._served + SERVE_AGAIN):
+            self._serve(executor)
+        else:
+            self._intake.wait(min(self._brake_at, self._look_at, self._serve_at) - now)
+
+    def _serve(self, executor: Executor) -> None:
+        """Execute callbacks that are ready until there are none, or a joint state waits."""
+        busy = False
+        while not self._intake.waits():
+            try:
+                handler, entity, _ = executor.wait_for_ready_callbacks(timeout_sec=0.0)
+            except TimeoutException:
+                break
+            busy |= not isinstance(entity, Timer)
+            handler()
+            if (error := handler.exception()) is not None:
+                raise error
+        else:
+            busy = True
+        self._served = time.monotonic()
+        self._serve_at = self._served + (SERVE_SOON if busy else SERVE_PERIOD)
+
     def work(self) -> None:
-        """Answer the newest joint state; then do a piece of other work while none waits."""
+        """Answer the newest joint state; without one, take over goals that wait."""
         if not self.started:
             return
         for turn in range(1, IN_A_ROW + 1):
             if not self._control():
                 break
+            self._answered = True
             self._publish_cycle(turn < IN_A_ROW)
         else:
             return
-        self._due |= self._inputs.handle(self._cycle.duration)
+        if not self._answered:
+            self._due |= self._inputs.handle(self._cycle.duration)
         if self._due and time.monotonic() - self._published >= LEAST_STATE_PERIOD:
             if self._cycle.running:
                 self._state.refresh(self._commands.velocity)
@@ -234,8 +280,7 @@ class ControllerNode(RobotNode):
         if not self._cycle.work():
             return False
         if self._cycle.running:
-            if not self._braking.is_canceled():
-                self._braking.cancel()
+            self._brake_at = math.inf
             self._inputs.robot_seen()
         return True
 
@@ -271,7 +316,7 @@ class ControllerNode(RobotNode):
         now = time.monotonic()
         if self._cycle.look():
             self._brake()
-            self._braking.reset()
+            self._brake_at = now + self._cycle.braking_period
             self._heartbeat_at = -math.inf
         if self._cycle.running or now - self._heartbeat_at < 0.999 * HEARTBEAT:
             return
@@ -284,7 +329,7 @@ class ControllerNode(RobotNode):
         self._cycle.brake()
         self._state.refresh(self._commands.velocity)
         if self._cycle.zeros >= ZEROS:
-            self._braking.cancel()
+            self._brake_at = math.inf
 
     def _publish_markers(self) -> None:
         if self._state.msg.cycles and self._marker_publisher.get_subscription_count():
@@ -293,4 +338,5 @@ class ControllerNode(RobotNode):
     def _look_around(self) -> None:
         self._warnings.flush()
         self._neighbours.look()
+        self._neighbours.listen([self._intake.subscription, *self._inputs.subscriptions])
         self._watch.single_publisher = self._neighbours.alone

@@ -5,9 +5,11 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from tp_controller.ros.polled import subscribe
 from tp_controller.ros.state_watch import Arrival, StateWatch
 
 QUEUE_DEPTH = 100
@@ -15,10 +17,9 @@ QUEUE_DEPTH = 100
 
 
 class Intake:
-    """Takes all joint states that wait, at any moment.
+    """Waits for joint states, and takes all that wait, at any moment.
 
-    The executor hands over one message of a subscription and then one of each other before the
-    next; so the rest is taken here.
+    No executor does that: it would look at everything else the node has for every state.
 
     Parameters
     ----------
@@ -32,20 +33,30 @@ class Intake:
         self._watch = watch
         self._stored: list[tuple[JointState, dict[str, Any]]] = []
         self._emptied = time.monotonic()
-        self._subscription = node.create_subscription(
-            JointState, 'joint_states', self._store, QUEUE_DEPTH
-        )
+        self.subscription = subscribe(node, JointState, 'joint_states', QUEUE_DEPTH)
+        self._context = node.context
+        self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
 
     @property
     def topic(self) -> str:
         """Full name of the topic."""
-        return str(self._subscription.topic_name)
+        return str(self.subscription.topic_name)
+
+    def wait(self, seconds: float) -> None:
+        """Wait for a joint state, no longer than a time [s]."""
+        if self._stored or seconds <= 0.0:
+            return
+        handle, wait_set = self.subscription.handle, self._wait_set
+        with handle, self._context.handle:
+            wait_set.clear_entities()
+            wait_set.add_subscription(handle)
+            wait_set.wait(int(1e9 * seconds))
 
     def take(self) -> list[Arrival]:
         """All states that wait, the newest last; without those that newer ones overtook."""
         arrivals: list[Arrival] = []
         idle = time.monotonic() - self._emptied
-        handle = self._subscription.handle
+        handle = self.subscription.handle
         with handle:
             # More than the queue holds come only while they are taken.
             for _ in range(QUEUE_DEPTH + 1):
@@ -63,9 +74,9 @@ class Intake:
         return arrivals
 
     def waits(self) -> bool:
-        """Whether a state waits; who asks has to `take` it before the executor goes on."""
+        """Whether a state waits; who asks has to `take` it."""
         if not self._stored:
-            handle = self._subscription.handle
+            handle = self.subscription.handle
             with handle:
                 found = handle.take_message(JointState, False)
             if found is None:
@@ -73,6 +84,3 @@ class Intake:
                 return False
             self._stored.append(found)
         return True
-
-    def _store(self, msg: JointState, info: dict[str, Any]) -> None:
-        self._stored.append((msg, info))

@@ -1,8 +1,13 @@
-"""Other nodes that publish what only one may publish."""
+"""Other nodes that publish what only one may publish, or what cannot be heard."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from rclpy.node import Node
+from rclpy.qos import ReliabilityPolicy
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from tp_controller.ros.warnings import Warnings
 
@@ -45,9 +50,37 @@ class Neighbours:
             if several and seen:
                 self._warnings.warn(topic, f'{topic} has {self._names(topic)}: {hazard}')
 
+    def listen(self, subscriptions: Iterable[Subscription]) -> None:
+        """Warn of publishers that polled subscriptions do not hear."""
+        for subscription in subscriptions:
+            topic = str(subscription.topic_name)
+            if not self._node.count_publishers(topic):
+                continue
+            known = _type_name(subscription.msg_type)
+            for info in self._node.get_publishers_info_by_topic(topic):
+                if info.topic_type != known:
+                    self._warnings.warn(
+                        f'{topic} type',
+                        f'{topic}: {_name(info)} publishes {info.topic_type}, which is not '
+                        f'heard; it takes {known}',
+                    )
+                elif info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
+                    self._warnings.warn(
+                        f'{topic} reliability',
+                        f'{topic}: {_name(info)} publishes as best effort, which is not heard; '
+                        f'reliable is',
+                    )
+
     def _names(self, topic: str) -> str:
-        names = sorted(
-            f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-            for info in self._node.get_publishers_info_by_topic(topic)
-        )
+        names = sorted(_name(info) for info in self._node.get_publishers_info_by_topic(topic))
         return f'{len(names)} publishers, {", ".join(names)}'
+
+
+def _name(info: TopicEndpointInfo) -> str:
+    """Full name of a publisher's node."""
+    return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+
+
+def _type_name(message_type: type) -> str:
+    """Name of a message type as ROS tells it: package/msg/Name."""
+    return f'{message_type.__module__.split(".")[0]}/msg/{message_type.__name__}'

@@ -10,6 +10,7 @@ from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -26,6 +27,8 @@ TOPIC_QOS = QoSProfile(
 """As robot_state_publisher offers it: who comes late gets the description too."""
 HEARTBEAT = 0.1
 """Time [s] between signs of life while the node waits."""
+LONGEST_WAIT = 0.1
+"""Time [s] after which a signal is seen at the latest."""
 
 
 class RobotNode(Node, ABC):
@@ -84,8 +87,12 @@ class RobotNode(Node, ABC):
     def show_waiting(self, message: str) -> None:
         """Give a sign of life; called while the node waits for its robot."""
 
+    def spin(self, executor: Executor) -> None:
+        """Wait for something to do, for a moment, and do it; called again and again."""
+        executor.spin_once(timeout_sec=LONGEST_WAIT)
+
     def work(self) -> None:
-        """Do what may not wait; called after every callback."""
+        """Do what may not wait; called after every `spin`."""
 
     def survives(self, error: Exception) -> bool:
         """Whether the node can go on after an exception in one of its callbacks; it says so."""

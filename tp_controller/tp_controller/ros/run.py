@@ -115,7 +115,7 @@ def _spin(name: str, node: Any, stop: _Stop) -> int:
         while not stop.requested:
             try:
                 # A signal is seen when the wait ends, so the wait is bounded.
-                executor.spin_once(timeout_sec=0.1)
+                node.spin(executor)
                 node.work()
                 failures = 0
             except InvalidValue as error:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
@@ -15,6 +15,7 @@ from tp_controller.config import Settings
 from tp_controller.errors import InvalidValue
 from tp_controller.ros.feedforward import FeedforwardOverrides
 from tp_controller.ros.goals import FEEDFORWARD_TYPES, GOAL_TYPES, GoalReader
+from tp_controller.ros.polled import subscribe, take
 from tp_controller.ros.state import StateMessage
 from tp_controller.ros.warnings import Warnings
 from tp_controller.tasks import Task
@@ -23,27 +24,37 @@ LONGEST_PAUSE = 0.005
 """Time [s] between two messages of one topic that are taken over; a period if shorter."""
 
 
-class _Gate(MutuallyExclusiveCallbackGroup):
-    """Callbacks of one subscription, closed for a moment after each.
+class _Topic:
+    """One topic of a task.
 
-    The executor does not wait for the subscription meanwhile, whose newest message stays with
-    the middleware: a flood of messages wakes up nobody.
+    Parameters
+    ----------
+    subscription
+        Polled, of depth 1: of more than one message a newer one would take the place anyway.
+    task, what
+        The task, and what a message is: goal or feedforward.
+    handler
+        Takes a message over.
     """
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.opens = -np.inf
-
-    def can_execute(self, entity: Any) -> bool:
-        """Whether the executor may take a message."""
-        return time.monotonic() >= self.opens and bool(super().can_execute(entity))
+    def __init__(
+        self,
+        subscription: Subscription,
+        task: Task,
+        what: str,
+        handler: Callable[[Task, Any], None],
+    ) -> None:
+        self.subscription, self.task, self.what = subscription, task, what
+        self.handler = handler
+        self.opens = -math.inf
+        """Steady time [s] from which on the next message may be taken."""
 
 
 class TaskInputs:
     """Listens to goals and feedforwards.
 
-    A message that arrives is put aside only; a later one of the same topic takes its place.
-    `handle` takes them over. Of each topic one message in a period is taken, the newest.
+    Messages stay with the middleware until `handle` takes them over: of each topic one message
+    in a period, the newest. A flood of messages wakes up nobody.
 
     Parameters
     ----------
@@ -81,8 +92,9 @@ class TaskInputs:
             settings.values['timeouts.feedforward'], self._configured
         )
         self.know_period(period)
-        self._subscriptions: dict[str, list[Subscription]] = {}
-        self._waiting: dict[tuple[str, str], tuple[Callable[[Task, Any], None], Task, Any]] = {}
+        self._topics: list[_Topic] = []
+        self._first = 0
+        """Topic that is looked at first."""
 
     def know_period(self, period: float) -> None:
         """Take over the time [s] of one cycle."""
@@ -92,37 +104,30 @@ class TaskInputs:
         """Take note that the robot's configuration is known."""
         self._reader.robot_seen = True
 
+    @property
+    def subscriptions(self) -> list[Subscription]:
+        """All subscriptions, in no order."""
+        return [topic.subscription for topic in self._topics]
+
     def listen(self, task: Task) -> Iterator[None]:
         """Take goals and feedforwards of a task, with a pause after each subscription."""
-        subscriptions = self._subscriptions[task.name] = []
-        for types, topic, handler in (
+        for types, what, handler in (
             (GOAL_TYPES, 'goal', self._on_goal),
             (FEEDFORWARD_TYPES, 'feedforward', self._on_feedforward),
         ):
             if task.type in types:
-                subscriptions.append(self._subscribe(types[task.type], task, topic, handler))
+                name = f'~/{task.name}/{what}'
+                subscription = subscribe(self._node, types[task.type], name, 1)
+                self._topics.append(_Topic(subscription, task, what, handler))
                 yield
-
-    def _subscribe(
-        self, message_type: type, task: Task, topic: str, handler: Callable[[Task, Any], None]
-    ) -> Subscription:
-        gate = _Gate()
-
-        def put_aside(msg: Any) -> None:
-            gate.opens = time.monotonic() + self._pause
-            self._waiting[task.name, topic] = handler, task, msg
-
-        # Of more than one message a newer one would take the place anyway.
-        return self._node.create_subscription(
-            message_type, f'~/{task.name}/{topic}', put_aside, 1, callback_group=gate
-        )
 
     def forget(self, task: Task) -> None:
         """Let a task's topics be."""
-        for subscription in self._subscriptions.pop(task.name):
-            self._node.destroy_subscription(subscription)
-        for key in [key for key in self._waiting if key[0] == task.name]:
-            del self._waiting[key]
+        for topic in self._topics:
+            if topic.task is task:
+                self._node.destroy_subscription(topic.subscription)
+        self._topics = [topic for topic in self._topics if topic.task is not task]
+        self._first = 0
         self.feedforwards.forget(task)
 
     def handle(self, seconds: float) -> bool:
@@ -133,21 +138,33 @@ class TaskInputs:
         bool
             Whether anything was taken over or refused.
         """
-        if not self._waiting:
-            return False
-        end = time.monotonic() + seconds
-        for key in list(self._waiting):
-            handler, task, msg = self._waiting.pop(key)
-            try:
-                handler(task, msg)
-            except InvalidValue as error:
-                self._reject(task, key[1], str(error))
-            except Exception as error:
-                # One message must not end the control of the arm.
-                self._reject(task, key[1], f'{type(error).__name__}: {error}')
-            if time.monotonic() >= end:
+        begin = time.monotonic()
+        found, count = False, len(self._topics)
+        for i in range(self._first, self._first + count):
+            topic = self._topics[i % count]
+            if begin < topic.opens:
+                continue
+            msg = take(topic.subscription)
+            if msg is None:
+                continue
+            found = True
+            topic.opens = begin + self._pause
+            self._take_over(topic, msg)
+            if time.monotonic() >= begin + seconds:
+                # The others come first next time.
+                self._first = (i + 1) % count
                 break
-        return True
+        return found
+
+    def _take_over(self, topic: _Topic, msg: Any) -> None:
+        task = topic.task
+        try:
+            topic.handler(task, msg)
+        except InvalidValue as error:
+            self._reject(task, topic.what, str(error))
+        except Exception as error:
+            # One message must not end the control of the arm.
+            self._reject(task, topic.what, f'{type(error).__name__}: {error}')
 
     def _on_goal(self, task: Task, msg: Any) -> None:
         task.target = self._reader.target(task, msg)
