@@ -9,7 +9,8 @@ import time
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PointStamped
+from geometry_msgs.msg import PointStamped, PoseStamped
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 
 from tp_interfaces.msg import ControllerState
@@ -219,6 +220,31 @@ def test_a_second_publisher_is_named_until_it_is_gone(arm):
     arm.client.wait_for(lambda: told in arm.state.message, 'a warning')
     arm.client.node.destroy_publisher(rival)
     arm.client.wait_for(lambda: 'publishers' not in arm.state.message, 'its end')
+
+
+@pytest.mark.parametrize(
+    ('topic', 'message_type', 'reliability', 'told'),
+    [
+        (
+            'joint_states',
+            JointState,
+            ReliabilityPolicy.BEST_EFFORT,
+            '/joint_states: /harness publishes as best effort, which is not heard; reliable is',
+        ),
+        (
+            'tp_controller/ee_position/goal',
+            PoseStamped,
+            ReliabilityPolicy.RELIABLE,
+            '/tp_controller/ee_position/goal: /harness publishes geometry_msgs/msg/PoseStamped, '
+            'which is not heard; it takes geometry_msgs/msg/PointStamped',
+        ),
+    ],
+    ids=['best effort', 'wrong type'],
+)
+def test_who_is_not_heard_is_named(arm, topic, message_type, reliability, told):
+    qos = QoSProfile(depth=1, reliability=reliability)
+    arm.client.node.create_publisher(message_type, topic, qos)
+    arm.client.wait_for(lambda: told in arm.state.message, 'a warning')
 
 
 BROKEN = """
