@@ -146,6 +146,7 @@ class SafetyFilter:
             self._acceleration = (
                 limits.acceleration if slower == 1.0 else _fixed(limits.acceleration * slower)
             )
+            self._bounds = self._bounds._replace(step=arm.step)
         if self._late:
             self._braking.bound_late(
                 arm.p,
@@ -192,8 +193,16 @@ class SafetyFilter:
             self._bounds = Bounds.of_speed(limits.velocity)
         else:
             low, high, soon_low, soon_high = np.zeros((4, self._robot.n))
+            change = limits.acceleration * self.period
             self._bounds = Bounds(
-                limits.velocity, low, high, soon_low, soon_high, not endless.all()
+                limits.velocity,
+                low,
+                high,
+                soon_low,
+                soon_high,
+                not endless.all(),
+                change if np.isfinite(change).any() else None,
+                self.period,
             )
 
     def pass_on(self, command: Vector) -> None:

@@ -136,7 +136,7 @@ class Stack:
         # Tasks write their rows of the whole system themselves; nothing is copied per cycle.
         self._J = np.zeros((k, self.robot.n))
         self._velocity, self._achieved = np.zeros(k), np.zeros(k)
-        self._errors = np.zeros(k)
+        self._errors, self._feedforward = np.zeros((2, k))
         self._parts = [
             (self.tasks[name], self._velocity[rows], self._errors[rows])
             for name, rows in self._rows.items()
@@ -362,6 +362,8 @@ class Stack:
                     task.desired_velocity(velocity)
                     if not task.set_based:
                         error[:] = task.error
+                if self.settle:
+                    self._slow_down(bounds)
                 scale = self.solver.solve(
                     self._J,
                     self._velocity,
@@ -379,6 +381,16 @@ class Stack:
         self.safety_filter.pass_on(self._qd)
         np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
+
+    def _slow_down(self, bounds: Bounds) -> None:
+        """Let levels approach their targets no faster than joints can brake there."""
+        if bounds.change is None:
+            return
+        for task, velocity, _ in self._parts:
+            part = self._feedforward[self._rows[task.name]]
+            # Of rows without an error there is nothing to approach.
+            part[:] = velocity if task.set_based else task.feedforward
+        self.solver.slow_down(self._J, self._velocity, self._feedforward, self._errors, bounds)
 
     def _expect(self, bounds: Bounds) -> None:
         """Tell tasks which speeds the next step can have."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Callable, Sequence
 from itertools import chain
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -193,6 +193,9 @@ class Solver(ABC):
         sides = [np.full(task.k, task.one_sided) for task in tasks]
         self._one_sided = np.flatnonzero(np.concatenate([*sides, np.zeros(0, dtype=bool)]))
         self.acting: NDArray[np.bool_] = np.zeros(self.k, dtype=np.bool_)
+        self._equal = np.ones(self.k, dtype=np.bool_)
+        self._equal[self._one_sided] = False
+        self._approach: Any = None
         self._set_rules()
 
     def _set_rules(self) -> None:
@@ -213,6 +216,47 @@ class Solver(ABC):
     def arrange(self, levels: Levels) -> Levels:
         """Groups of tasks that are inverted together; all of them unless overridden."""
         return [list(chain.from_iterable(levels))] if levels else []
+
+    def slow_down(
+        self,
+        J: Matrix,
+        velocity: Vector,
+        feedforward: Vector,
+        errors: Vector,
+        bounds: Bounds,
+    ) -> None:
+        """Make gain terms small enough for joints to brake at their targets, see `approach`.
+
+        Parameters
+        ----------
+        J, velocity, bounds
+            As `solve`; the velocities are changed.
+        feedforward
+            The part (K,) of the velocities that is no gain term.
+        errors
+            Errors (K,) of the rows.
+        """
+        if bounds.change is None:
+            return
+        if self._approach is None:
+            from tp_controller.solvers import approach
+
+            self._approach = approach
+            self._approach_work = approach.workspace(self.k, self.n)
+        self._approach.slow_down(
+            J,
+            velocity,
+            feedforward,
+            errors,
+            self._equal,
+            self._starts,
+            self._rules,
+            self._basis,
+            self._tolerance,
+            bounds.change,
+            bounds.step,
+            self._approach_work,
+        )
 
     def solve(
         self,

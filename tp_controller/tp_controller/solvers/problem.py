@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import ClassVar, NamedTuple, Protocol
 
@@ -48,6 +49,10 @@ class Bounds(NamedTuple):
     """Largest velocity (n,) that can be had in this very step."""
     ranged: bool = True
     """Whether any joint has a range."""
+    change: Vector | None = None
+    """By how much velocities may change (n,) from step to step; None without such limits."""
+    step: float = math.inf
+    """Time [s] of one step."""
 
     @classmethod
     def of_speed(cls, speed: Vector) -> Bounds:
