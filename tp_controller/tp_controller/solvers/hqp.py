@@ -118,7 +118,8 @@ class HQPSolver(Solver):
         """Whether each joint is at the bound that its range sets (n,)."""
         if not bounds.ranged:
             return np.zeros(self.n, dtype=np.bool_)
-        at_end: NDArray[np.bool_] = (qd <= bounds.range_lower) | (qd >= bounds.range_upper)
+        lower, upper = bounds.range_lower + BROKEN, bounds.range_upper - BROKEN
+        at_end: NDArray[np.bool_] = (qd <= lower) | (qd >= upper)
         return at_end
 
     @property
