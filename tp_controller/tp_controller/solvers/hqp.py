@@ -40,10 +40,16 @@ class HQPSolver(Solver):
     every level then asks for what the recursion gives it together with the one-sided rows and
     the ends of ranges that stopped it, or a level above, in the first.
 
+    Levels that cannot get what they ask for are settled, see `settling`: where the recursion
+    inside the bounds finds one that loses, and the levels above it get all they ask for, its
+    answer stands in place of the program's. Nothing below a level decides on that, so the
+    priorities stay strict.
+
     Attributes
     ----------
     proven
-        Whether the last answer is known to be the optimum; one that is not is inside the bounds.
+        Whether the last answer is known to be the optimum, or is a settled one; one that is
+        neither is inside the bounds.
     problem
         The levels as a `LexicographicProblem`, which tells what stopped them.
     """
