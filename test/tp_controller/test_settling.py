@@ -53,11 +53,56 @@ def chase(block, q, seconds):
 def test_a_goal_out_of_reach_ends_in_rest(scheme, damping):
     block = out_of_reach(scheme, damping)
     block['tasks']['hand']['gain'] = [3.0]
-    shares = chase(block, np.array([0.0, 0.6, 0.3]), SECONDS + WATCHED)
-    later = shares[round(SECONDS * block['rate']) :]
+    assert_at_rest(chase(block, np.array([0.0, 0.6, 0.3]), SECONDS + WATCHED), block['rate'])
+
+
+def assert_at_rest(shares, rate):
+    later = shares[round(SECONDS * rate) :]
     assert np.abs(later).max() < 1e-3
     signs = np.sign(np.where(np.abs(later) > 1e-9, later, 0.0))
     assert np.count_nonzero(signs[1:] * signs[:-1] < 0.0) <= 2
+
+
+@pytest.mark.parametrize(
+    'target',
+    [[0.3, 0.87], [1.5, 1.2], [-0.5, 0.3], [0.4, -1.9]],
+    ids=['inside', 'beyond', 'behind', 'aside'],
+)
+def test_the_program_rests_where_ranges_stop_levels(target):
+    """Three levels, of which the ends of ranges and one-sided rows leave little."""
+    ends = {'frame': 'link_3', 'gain': [3.0]}
+    block = {
+        'rate': 100.0,
+        'robot': planar_block(0.75, 0.5, 0.5),
+        'solver': {'type': 'hqp'},
+        'hierarchy': ['ends', 'hand', 'turn', 'first'],
+        'tasks': {
+            'ends': {'type': 'joint_limits', 'joints': ['joint_3'], 'max': [0.8], 'min': [-0.5]},
+            'hand': {'type': 'position', 'axes': 'xy', 'target': target, **ends},
+            'turn': {'type': 'orientation', 'axes': 'z', 'target': [0.3], **ends},
+            'first': {'type': 'joint', 'joints': ['joint_1'], 'target': [0.0], 'gain': [2.0]},
+        },
+    }
+    block['robot']['limits'] = {
+        'velocity': [2.0],
+        'acceleration': [20.0],
+        'position_min': [-0.4, -0.2, -3.0],
+        'position_max': [0.7, 0.9, 3.0],
+    }
+    assert_at_rest(chase(block, np.array([0.3, 0.6, 0.3]), SECONDS + WATCHED), block['rate'])
+
+
+@pytest.mark.parametrize('goal', [(0.35, -0.98, -0.78), (-0.66, -1.1, -0.21), (0.8, -1.01, 0.16)])
+def test_the_program_rests_on_a_real_arm(config, goal):
+    values = read_parameter_file(config / 'panda.yaml', 'tp_controller')
+    values |= {
+        'solver.type': 'hqp',
+        'tasks.hand_position.target': list(goal),
+        'robot.limits.acceleration': [30.0],
+    }
+    q = np.array([0.0, -0.6, 0.0, -2.0, 0.0, 1.6, 0.8])
+    shares = chase(values, q, SECONDS + WATCHED)
+    assert_at_rest(shares, values['rate'])
 
 
 def test_the_published_laws_alone_reverse_at_every_step_there():
@@ -122,11 +167,14 @@ def test_settling_adds_nothing_where_every_level_gets_what_it_asks_for(config):
 
 
 @pytest.mark.parametrize('limit', [20.0, 5.0, 2.0, 0.5])
-@pytest.mark.parametrize('inverse', ['dls', 'adaptive'])
-def test_lower_levels_cost_higher_ones_nothing_at_any_limit(config, limit, inverse):
+@pytest.mark.parametrize(
+    ('scheme', 'inverse'), [('recursive', 'dls'), ('recursive', 'adaptive'), ('hqp', 'adaptive')]
+)
+def test_lower_levels_cost_higher_ones_nothing_at_any_limit(config, limit, scheme, inverse):
     """Three levels on the Panda, moving already, at limits of speed, acceleration and range."""
     values = read_parameter_file(config / 'panda.yaml', 'tp_controller')
     values |= {
+        'solver.type': scheme,
         'solver.inverse': inverse,
         'robot.limits.velocity': [limit],
         'robot.limits.acceleration': [4.0 * limit],

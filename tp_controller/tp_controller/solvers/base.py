@@ -304,19 +304,22 @@ class Solver(ABC):
         curvature: Curvature | None = None,
     ) -> float:
         if self._set is None:
-            self._set = BoundedRecursion(
-                self._kernel,
-                self._starts,
-                self._rules,
-                self._one_sided,
-                self._basis,
-                self._tolerance,
-                self.holds_joints,
-            )
+            self._set = self._recursion_inside_bounds(self.holds_joints)
         scale = self._set.resolve(J, velocity, bounds, qd, curvature if self.settles else None)
         if self._one_sided.size:
             self.acting[self._one_sided] = self._set.acts[self._one_sided]
         return scale
+
+    def _recursion_inside_bounds(self, holds_joints: bool) -> BoundedRecursion:
+        return BoundedRecursion(
+            self._kernel,
+            self._starts,
+            self._rules,
+            self._one_sided,
+            self._basis,
+            self._tolerance,
+            holds_joints,
+        )
 
 
 def _leading(group: Sequence[Rows]) -> Rows:

@@ -72,6 +72,7 @@ class BoundedRecursion:
         self._stops = np.full(n + rows, -1, dtype=np.int64)
         self._work = kernel.workspace(n + rows, n)
         self.shares = self._shares[1:]
+        self._verdicts = self._work[kernel.VERDICTS][1 : len(starts)]
         self.scale = 1.0
         self._flat = Curvature.none(n)
 
@@ -79,6 +80,12 @@ class BoundedRecursion:
     def stops(self) -> NDArray[np.int64]:
         """First level that each joint's range stopped (n,), -1 if none; a copy."""
         return np.maximum(self._stops[: self._n] - 1, -1)
+
+    @property
+    def loser(self) -> int:
+        """First level that settling found to lose some of its error, -1 if none does."""
+        losers = np.flatnonzero(self._verdicts)
+        return int(losers[0]) if losers.size else -1
 
     @property
     def acts(self) -> NDArray[np.bool_]:

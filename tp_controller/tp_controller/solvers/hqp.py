@@ -16,6 +16,8 @@ Matrix = NDArray[np.float64]
 
 BROKEN = 1e-9
 """A bound that is missed by less than this is not broken."""
+KEPT = 1e-8
+"""A level that misses its velocity by a smaller share of it, or of 1, gets all it asks for."""
 BINDING = 1e-6
 """A one-sided row [m/s, rad/s] this near to its least rate is at it."""
 
@@ -38,10 +40,16 @@ class HQPSolver(Solver):
     every level then asks for what the recursion gives it together with the one-sided rows and
     the ends of ranges that stopped it, or a level above, in the first.
 
+    Levels that cannot get what they ask for are settled, see `settling`: where the recursion
+    inside the bounds finds one that loses, and the levels above it get all they ask for, its
+    answer stands in place of the program's. Nothing below a level decides on that, so the
+    priorities stay strict.
+
     Attributes
     ----------
     proven
-        Whether the last answer is known to be the optimum; one that is not is inside the bounds.
+        Whether the last answer is known to be the optimum, or is a settled one; one that is
+        neither is inside the bounds.
     problem
         The levels as a `LexicographicProblem`, which tells what stopped them.
     """
@@ -86,6 +94,7 @@ class HQPSolver(Solver):
         self._bounds: Bounds | None = None
         self.proven = True
         self._shares = np.ones(len(self._groups))
+        self._settled = False
 
     def _set_rules(self) -> None:
         super()._set_rules()
@@ -95,12 +104,17 @@ class HQPSolver(Solver):
 
     @property
     def shares(self) -> Vector:
-        """What held joints left to each group (groups,): all, they are told by `stops`."""
-        return np.ones(len(self._groups))
+        """What held joints left to each group (groups,); all, unless levels were settled.
+
+        Otherwise joints that held a level up are told by `stops`.
+        """
+        return super().shares if self._settled else np.ones(len(self._groups))
 
     @property
     def held(self) -> NDArray[np.bool_]:
         """Which joints the last step held at the bound that their range sets (n,); a copy."""
+        if self._settled:
+            return super().held
         if self._bounds is None:
             return np.zeros(self.n, dtype=np.bool_)
         held: NDArray[np.bool_] = self._at_end(self._bounds, self._qd)
@@ -110,12 +124,15 @@ class HQPSolver(Solver):
         """Whether each joint is at the bound that its range sets (n,)."""
         if not bounds.ranged:
             return np.zeros(self.n, dtype=np.bool_)
-        at_end: NDArray[np.bool_] = (qd <= bounds.range_lower) | (qd >= bounds.range_upper)
+        lower, upper = bounds.range_lower + BROKEN, bounds.range_upper - BROKEN
+        at_end: NDArray[np.bool_] = (qd <= lower) | (qd >= upper)
         return at_end
 
     @property
     def stops(self) -> NDArray[np.int64]:
         """First level that had to stop at each joint's bound (n,), -1 if none had to."""
+        if self._settled:
+            return super().stops
         stopped = self.problem.stopped_joints
         return np.where(stopped < len(self._groups), stopped, -1)
 
@@ -153,12 +170,16 @@ class HQPSolver(Solver):
             np.copyto(asked, self._moved, where=self._equal)
         self._qd, self._bounds = qd, bounds
         self._shares[:] = 1.0
+        self._settled = False
         if self._suits(J, velocity, bounds):
             qd[:] = self._free
             self.problem.take(J, asked)
             self.proven = True
             self.acting[self._one_sided] = False
             return 1.0
+        if curvature is not None and self._settle(J, velocity, bounds, qd, curvature):
+            self.proven = True
+            return float(self.shares.min(initial=1.0))
         # Copies: the robot's may not be written to, which makes them another type to numba.
         self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
         self.proven = self.problem.solve(J, asked, self._lower, self._upper, qd)
@@ -173,6 +194,33 @@ class HQPSolver(Solver):
         if ((stopped >= 0) & (stopped < len(self._groups))).any():
             self._note_shares(asked)
         return float(self._shares.min(initial=1.0))
+
+    def _settle(
+        self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector, curvature: Curvature
+    ) -> bool:
+        """Answer by the recursion inside bounds if that finds a level that loses.
+
+        Levels above the first that loses have to get all that they ask for, which is their
+        optimum: then nothing below them decides on what they get.
+        """
+        if self._set is None:
+            self._set = self._recursion_inside_bounds(True)
+        recursion = self._set
+        recursion.resolve(J, velocity, bounds, qd, curvature)
+        loser = recursion.loser
+        if loser < 0:
+            return False
+        above = self._starts[loser]
+        if above:
+            missed = self._asked[:above] - J[:above] @ qd
+            missed[self._equal[:above]] = np.abs(missed[self._equal[:above]])
+            if missed.max() > KEPT * max(1.0, float(np.abs(self._asked[:above]).max())):
+                return False
+        self.problem.take(J, self._asked)
+        if self._one_sided.size:
+            self.acting[self._one_sided] = recursion.acts[self._one_sided]
+        self._settled = True
+        return True
 
     def _recursion(self) -> tuple[Any, ...]:
         """What `kernel.resolve` is given, but for where its answer goes."""

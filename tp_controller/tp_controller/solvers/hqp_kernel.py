@@ -15,6 +15,8 @@ ROWS = float64[:, ::1]
 COLUMN = float64[::1]
 FIXED = types.Array(float64, 1, 'C', readonly=True)
 
+ROUNDING = 1e-9
+"""A joint that is nearer [rad/s, m/s] to its bound is at it."""
 FAILS, BENDS = -1, -2
 """What `ask_again` returns if a level is not finite, and if second derivatives are needed."""
 NOTHING, ONE, SEVERAL = 0, 1, 2
@@ -112,7 +114,7 @@ def ask_again(  # type: ignore[no-untyped-def]
     stopped = False
     for i in range(n):
         # Other limits come in anew with the second pass.
-        if range_lower[i] < qd[i] < range_upper[i]:
+        if range_lower[i] + ROUNDING < qd[i] < range_upper[i] - ROUNDING:
             stopped_joints[i] = -1
         stopped = stopped or stopped_joints[i] >= 0
         wish[i] = qd[i]
@@ -178,5 +180,5 @@ def merge(  # type: ignore[no-untyped-def]
         if rows[i] < 0 and moved[i] <= velocity[i] + binding:
             rows[i] = was_rows[i]
     for i in range(joints.size):
-        if joints[i] < 0 and (qd[i] <= lower[i] or qd[i] >= upper[i]):
+        if joints[i] < 0 and not lower[i] + ROUNDING < qd[i] < upper[i] - ROUNDING:
             joints[i] = was_joints[i]

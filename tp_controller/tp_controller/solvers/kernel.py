@@ -37,6 +37,9 @@ that they would change nothing, and with them."""
 FAILED, DONE = 0, 1
 """What `resolve` returns, beside `UNKNOWN`."""
 
+VERDICTS = (10, 9)
+"""Row of the workspace that tells what `settle` found last in every level."""
+
 ROWS = float64[:, ::1]
 CUBE = float64[:, :, ::1]
 COLUMN = float64[::1]
@@ -287,6 +290,8 @@ def _recur(  # type: ignore[no-untyped-def]
     pull, floor, spare_row = work[10, 4, :n], work[10, 5], work[10, 6]
     share_of = work[10, 7, 0:1]
     own_taken, own_rows, own_lengths = work[16], work[17], work[10, 8]
+    verdicts = work[VERDICTS]
+    verdicts[: starts.size] = NOTHING
     for c in range(n):
         qd[c] = min(max(0.0, low[c]), high[c]) if bounded else 0.0
         for j in range(n):
@@ -356,6 +361,7 @@ def _recur(  # type: ignore[no-untyped-def]
         )  # fmt: skip
         if result != DONE:
             return result
+        verdicts[level] = found
         shares[level] = share_of[0]
         if found != NOTHING and m > 0:
             held = count
