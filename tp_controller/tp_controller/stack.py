@@ -35,6 +35,17 @@ class LevelResult(NamedTuple):
     """Task velocity of the command (k,); a read-only view that the next step overwrites."""
 
 
+class Rows(NamedTuple):
+    """All rows of the hierarchy; arrays that steps write to until the hierarchy changes."""
+
+    parts: Mapping[str, slice]
+    """Which rows belong to each task, by name."""
+    J: Matrix
+    """Jacobian (K, n)."""
+    requested: Vector
+    """Desired task velocity (K,)."""
+
+
 class System(NamedTuple):
     """One level of the last step, row by row."""
 
@@ -151,6 +162,8 @@ class Stack:
             np.zeros((k, self.robot.n, self.robot.n)),
             self._fill_hessians,
         )
+        self.rows = Rows(self._rows, self._J, self._velocity)
+        """Rows of the last step, to be read."""
         self._results = tuple(self._result(tasks) for tasks in members)
         self.prepare_solver()
         self.safety_filter.watch(self._kept())

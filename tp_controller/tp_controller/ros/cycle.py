@@ -10,6 +10,7 @@ import numpy as np
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from tp_controller.errors import InvalidValue, UnusableState
+from tp_controller.oscillation import OscillationWatch
 from tp_controller.ros.commands import CommandPublisher
 from tp_controller.ros.feedforward import FeedforwardOverrides
 from tp_controller.ros.intake import Intake
@@ -30,6 +31,8 @@ LONGEST_BRAKING = 1.0
 """Time [s] that a controller which ends gives to braking."""
 BRAKING_PERIOD = 0.01
 """Time [s] between commands of braking where no rate is known."""
+OSCILLATION_PERIOD = 0.5
+"""Time [s] after which an oscillation that goes on is told again."""
 
 
 class ControlFailed(Exception):
@@ -109,6 +112,8 @@ class Cycle:
         self._step_time: float | None = None
         self._last_seen = self._looked = time.monotonic()
         self._refused = 0
+        self._oscillation = OscillationWatch(stack)
+        self._oscillation_told = -math.inf
         self._awake_since = -math.inf
         self._paused = 0.0
 
@@ -230,11 +235,14 @@ class Cycle:
         self._note_answer(arrival, again, step_time)
         self.refused = refusal is not None
         if refusal is not None:
+            self._oscillation.restart()
             state.ignored_states += 1
             if not self._stack.arm.notice:
                 self._warnings.warn('commands', f'no command: {refusal}')
         else:
             self._note_time(arrival, again, elapsed)
+            if not again:
+                self._note_oscillation(elapsed)
         state.cycles += 1
         state.header.stamp = arrival.msg.header.stamp
         state.scale = scale
@@ -295,6 +303,7 @@ class Cycle:
         if not self.running or age > self._limit:
             self._feedforwards.advance(-passed)
             return
+        self._oscillation.restart()
         self._commands.send(self._stack.brake(step_time, self._q, self._qd))
         self._note_answer(arrival, False, step_time)
 
@@ -304,6 +313,17 @@ class Cycle:
         Infinite for the first state.
         """
         return min(self._watch.elapsed(arrival), max(0.0, arrival.taken - self._braked))
+
+    def _note_oscillation(self, elapsed: float) -> None:
+        """Tell of joints that reverse again and again, and that they do no longer."""
+        if self._oscillation.see(self._q, self._commands.velocity, elapsed):
+            now = time.monotonic()
+            if now - self._oscillation_told >= OSCILLATION_PERIOD:
+                self._oscillation_told = now
+                self._warnings.warn('oscillation', str(self._oscillation.found))
+        elif self._oscillation_told > -math.inf:
+            self._oscillation_told = -math.inf
+            self._warnings.clear('oscillation')
 
     def _note_time(self, arrival: Arrival, again: bool, elapsed: float) -> None:
         state, lateness = self._state, self._lateness
@@ -349,6 +369,7 @@ class Cycle:
             return False
         if self._rate_check:
             self._rate_check.restart()
+        self._oscillation.restart()
         self._state.status = ControllerState.STALE
         self.zeros = 0
         refused = self._state.ignored_states > self._refused

@@ -263,6 +263,11 @@ class Task(ABC):
             f'{plural(self.target_size, "value")} ({self.target_words})',
         )
 
+    @property
+    def settings(self) -> tuple[Vector, Vector, Matrix]:
+        """Target, feedforward and gain, not copied: new objects whenever they are set."""
+        return self._target, self._feedforward, self._K
+
     def hold(self) -> None:
         """Take the present value as the target."""
         self._target = self.current

@@ -1,0 +1,243 @@
+r"""Delay and lag of a joint, found from its commands and positions.
+
+Velocities that were sent act ``delay`` later, and the joint follows what acts with a first-order
+lag τ:
+
+.. math:: \tau \dot v(t) = u(t - \mathrm{delay}) - v(t), \qquad \dot q = g v
+
+With :math:`U` the integral of the commands and :math:`x` what a joint with this lag makes of them,
+
+.. math:: q(t) = q_0 + g \left( U(t - \mathrm{delay}) - \tau x(t - \mathrm{delay}) \right)
+          + c\, e^{-t / \tau}
+
+where the last term is what is left of an unknown velocity at the beginning. For a given delay and
+lag that is linear in :math:`q_0`, :math:`g` and :math:`c` (variable projection, Golub and Pereyra
+1973); delay and lag are searched on grids that become finer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numba import float64, njit, types, void
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+COLUMN = float64[::1]
+FIXED = types.Array(float64, 1, 'C', readonly=True)
+RIDGE = 1e-12
+"""Keeps the normal equations solvable where a column is zero."""
+LAGS = 10
+"""Lags of the first grid, beside zero."""
+FINER = 20
+"""Searches on finer grids around the best point."""
+SIDE = 3
+"""Points of a finer grid on each side of the best one."""
+LEAST_STATES = 20
+"""States that a fit needs at least, beside those before the first command can act."""
+
+
+class Fit(NamedTuple):
+    """What a joint makes of its commands."""
+
+    delay: float
+    """Time [s] from the state that a command answers to when it acts."""
+    lag: float
+    """Time constant [s]."""
+    gain: float
+    """Measured velocity by commanded velocity, 1 for a joint that does what it is told."""
+    residual: float
+    """Largest difference [rad, m] between a measured position and the fit."""
+    rms: float
+    """Root of the mean square of these differences [rad, m]."""
+    motion: float
+    """Root mean square of the measured positions about their mean [rad, m]."""
+
+    @property
+    def explains(self) -> bool:
+        """Whether delay and lag explain the motion: nine tenths of it, as amplitudes go."""
+        return self.rms <= 0.1 * self.motion
+
+
+@njit(void(FIXED, FIXED, FIXED, float64, FIXED, float64, COLUMN, COLUMN), cache=True)
+def misfit(times, commands, positions, lag, delays, begin, x, out):  # type: ignore[no-untyped-def]
+    """Write what is left of the positions for each delay to ``out``.
+
+    Parameters
+    ----------
+    times, commands, positions
+        Of each state (m,): when it was, the velocity that answered it, and the position.
+    lag
+        Time constant [s].
+    delays
+        Delays [s] (k,).
+    begin
+        Time [s] of the first position that counts.
+    x
+        Room for m values.
+    out
+        Per delay (k + 4,) the sum of squares; then q₀, g and c of the last delay, and the largest
+        difference.
+    """
+    m = times.size
+    x[0] = commands[0]
+    for i in range(1, m):
+        if lag > 0.0:
+            left = math.exp(-(times[i] - times[i - 1]) / lag)
+            x[i] = commands[i - 1] + (x[i - 1] - commands[i - 1]) * left
+        else:
+            x[i] = commands[i - 1]
+    first = 0
+    while first < m and times[first] < begin:
+        first += 1
+    k = delays.size
+    for d in range(k):
+        # Normal equations of the columns 1, s(t) - s(begin), exp; positions from the first one.
+        a00 = a01 = a02 = a11 = a12 = a22 = b0 = b1 = b2 = yy = 0.0
+        g = c = q0 = largest = 0.0
+        for turn in range(2):
+            j, U, s0 = 0, 0.0, 0.0
+            for i in range(first, m):
+                t = times[i] - delays[d]
+                while j < m - 1 and times[j + 1] <= t:
+                    U += commands[j] * (times[j + 1] - times[j])
+                    j += 1
+                since = t - times[j]
+                v = commands[j]
+                if lag > 0.0:
+                    v += (x[j] - commands[j]) * math.exp(-max(since, 0.0) / lag)
+                s = U + commands[j] * since - lag * v
+                if i == first:
+                    s0 = s
+                s -= s0
+                e = math.exp(-(times[i] - begin) / lag) if lag > 0.0 else 0.0
+                y = positions[i] - positions[first]
+                if turn == 0:
+                    a00 += 1.0
+                    a01 += s
+                    a02 += e
+                    a11 += s * s
+                    a12 += s * e
+                    a22 += e * e
+                    b0 += y
+                    b1 += s * y
+                    b2 += e * y
+                    yy += y * y
+                else:
+                    largest = max(largest, abs(y - q0 - g * s - c * e))
+            if turn == 1:
+                break
+            # Cholesky of the three columns, each with its own ridge.
+            l00 = math.sqrt(a00 * (1.0 + RIDGE))
+            l10, l20 = a01 / l00, a02 / l00
+            l11 = math.sqrt(max(a11 - l10 * l10, 0.0) + RIDGE * (1e-12 + a11))
+            l21 = (a12 - l20 * l10) / l11
+            l22 = math.sqrt(max(a22 - l20 * l20 - l21 * l21, 0.0) + RIDGE * (1e-3 + a22))
+            z0 = b0 / l00
+            z1 = (b1 - l10 * z0) / l11
+            z2 = (b2 - l20 * z0 - l21 * z1) / l22
+            out[d] = max(yy - z0 * z0 - z1 * z1 - z2 * z2, 0.0)
+            c = z2 / l22
+            g = (z1 - l21 * c) / l11
+            q0 = (z0 - l10 * g - l20 * c) / l00
+            if d < k - 1:
+                break
+    out[k], out[k + 1], out[k + 2], out[k + 3] = q0, g, c, largest
+
+
+def search(
+    times: Vector, commands: Vector, positions: Vector, longest_delay: float, longest_lag: float
+) -> Iterator[Fit | None]:
+    """Fit delay and lag in pieces of some ten microseconds.
+
+    Parameters
+    ----------
+    times, commands, positions
+        Of each state (m,): when it was [s], rising, the velocity that answered it [rad/s, m/s],
+        and the measured position [rad, m].
+    longest_delay, longest_lag
+        What is searched [s]. Positions of the first ``longest_delay`` are not fitted, as
+        commands from before them may still act then.
+
+    Yields
+    ------
+    Fit or None
+        None after each piece, then the fit.
+    """
+    m = times.size
+    period = (times[-1] - times[0]) / max(m - 1, 1)
+    begin = times[0] + longest_delay
+    x = np.zeros(m)
+    count = max(2, round(2.0 * longest_delay / period) + 1)
+    delays = np.linspace(0.0, longest_delay, count)
+    lags = np.concatenate(
+        [[0.0], np.geomspace(0.25 * min(period, longest_lag), longest_lag, LAGS)]
+    )
+    best = (math.inf, 0.0, 0.0)
+    out = np.zeros(max(count, 2 * SIDE + 1) + 4)
+    for lag in lags:
+        misfit(times, commands, positions, lag, delays, begin, x, out)
+        best = _better(best, lag, delays, out)
+        yield None
+    side = np.linspace(-1.0, 1.0, 2 * SIDE + 1)
+    step, span = delays[1], max(0.5 * best[2], lags[1])
+    for _ in range(FINER):
+        center = best
+        for lag in np.clip(center[2] + span * side, 0.0, longest_lag):
+            # Delay and lag together are known better than each: the search goes along their sum.
+            near = np.clip(center[1] + center[2] - lag + step * side, 0.0, longest_delay)
+            misfit(times, commands, positions, lag, near, begin, x, out)
+            best = _better(best, lag, near, out)
+            yield None
+        moved = abs(best[1] + best[2] - center[1] - center[2])
+        if abs(best[2] - center[2]) < 0.9 * span and moved < 0.9 * step:
+            step, span = 0.5 * step, 0.5 * span
+    misfit(times, commands, positions, best[2], np.array([best[1]]), begin, x, out)
+    fitted = positions[times >= begin]
+    yield Fit(
+        best[1],
+        best[2],
+        float(out[2]),
+        float(out[4]),
+        math.sqrt(best[0] / max(fitted.size, 1)),
+        float(fitted.std()) if fitted.size else 0.0,
+    )
+
+
+def _better(
+    best: tuple[float, float, float], lag: float, delays: Vector, misfits: Vector
+) -> tuple[float, float, float]:
+    k = int(np.argmin(misfits[: delays.size]))
+    if misfits[k] < best[0]:
+        return float(misfits[k]), float(delays[k]), float(lag)
+    return best
+
+
+def fit_response(
+    times: Vector,
+    commands: Vector,
+    positions: Vector,
+    longest_delay: float = 0.2,
+    longest_lag: float = 0.5,
+) -> Fit:
+    """Fit delay and lag of a joint; parameters as `search`.
+
+    Raises
+    ------
+    ValueError
+        If there are too few states, or times that do not rise.
+    """
+    times, commands, positions = (
+        np.ascontiguousarray(values, dtype=float) for values in (times, commands, positions)
+    )
+    if np.count_nonzero(times >= times[0] + longest_delay) < LEAST_STATES:
+        raise ValueError(f'a fit needs {LEAST_STATES} states after the longest delay')
+    if not np.all(np.diff(times) > 0.0):
+        raise ValueError('times have to rise')
+    *_, found = search(times - times[0], commands, positions, longest_delay, longest_lag)
+    assert found is not None
+    return found
