@@ -297,7 +297,8 @@ def _recur(  # type: ignore[no-untyped-def]
         for j in range(n):
             N[j, c] = basis[j, c]
     m = n
-    count, levels = 0, starts.size - 1
+    # Typed constants: numba compiles a function anew for every other literal one.
+    count, levels = int64(0), starts.size - 1
     for level in range(levels):
         first, end = starts[level], starts[level + 1]
         rule = rules[level]
@@ -317,8 +318,8 @@ def _recur(  # type: ignore[no-untyped-def]
                 result, _ = _serve(
                     J, velocity, order, k, first, end, square, acts, rule, smallest, weight, level,
                     full, Z, m, low, high, firm_low, firm_high, sided, bounded, floor, stops,
-                    PLAIN, offset, errors, hessians, bends, False, count, NOTHING, work, share_of,
-                    qd,
+                    int64(PLAIN), offset, errors, hessians, bends, boolean(False), count,
+                    int64(NOTHING), work, share_of, qd,
                 )  # fmt: skip
                 if result != DONE:
                     return result
@@ -330,7 +331,7 @@ def _recur(  # type: ignore[no-untyped-def]
             continue
         smallest = tolerance * math.sqrt(square)
         full = invert(J, order, k, N[:, :n], m, rule, smallest, sides, answers, 1, B, W, U, S)
-        found = NOTHING
+        found = int64(NOTHING)
         if settling != PLAIN:
             found = settle(
                 J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
@@ -521,14 +522,14 @@ def resolve(  # type: ignore[no-untyped-def]
         derivatives are needed.
     """
     result = _recur(
-        J, velocity, acts, starts, rules, basis, tolerance, False, low, high, firm_low, firm_high,
-        sided, weight, work, shares, stops, settling, offset, errors, hessians, bends, qd,
+        J, velocity, acts, starts, rules, basis, tolerance, boolean(False),
+        low, high, firm_low, firm_high, sided, weight, work, shares, stops, settling, offset, errors, hessians, bends, qd,
     )  # fmt: skip
     if result != DONE or _keeps(J, velocity, low, high, sided, qd):
         return result
     return _recur(
-        J, velocity, acts, starts, rules, basis, tolerance, True, low, high, firm_low, firm_high,
-        sided, weight, work, shares, stops, settling, offset, errors, hessians, bends, qd,
+        J, velocity, acts, starts, rules, basis, tolerance, boolean(True),
+        low, high, firm_low, firm_high, sided, weight, work, shares, stops, settling, offset, errors, hessians, bends, qd,
     )  # fmt: skip
 
 
