@@ -28,6 +28,7 @@ setup(
     entry_points={
         'console_scripts': [
             'controller = tp_controller.ros.controller_main:main',
+            'measure_arm = tp_controller.ros.measure_arm:main',
             'send_goal = tp_controller.ros.send_goal:main',
         ],
     },

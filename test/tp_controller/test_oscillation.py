@@ -83,7 +83,7 @@ class Run:
             'b3_pressed',
             PRESSED | {f'tasks.{name}.switching': 'hysteresis' for name in SETS},
             {},
-            'rows of tasks.joint_1_range come in and go out',
+            'switching: smooth does not, or make its release larger',
         ),
         (
             'panda',

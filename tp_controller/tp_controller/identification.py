@@ -12,13 +12,13 @@ With :math:`U` the integral of the commands and :math:`x` what a joint with this
 
 where the last term is what is left of an unknown velocity at the beginning. For a given delay and
 lag that is linear in :math:`q_0`, :math:`g` and :math:`c` (variable projection, Golub and Pereyra
-1973); delay and lag are searched on grids that become finer.
+1973); delay and lag are searched on a grid, and from its best point by a simplex.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -33,10 +33,10 @@ RIDGE = 1e-12
 """Keeps the normal equations solvable where a column is zero."""
 LAGS = 10
 """Lags of the first grid, beside zero."""
-FINER = 20
-"""Searches on finer grids around the best point."""
-SIDE = 3
-"""Points of a finer grid on each side of the best one."""
+DESCENTS, STEPS = 2, 60
+"""Descents from the best point of the grid, and from where that ended; steps of each at most."""
+CLOSE = 1e-7
+"""Time [s] up to which delay and lag are searched."""
 LEAST_STATES = 20
 """States that a fit needs at least, beside those before the first command can act."""
 
@@ -178,24 +178,29 @@ def search(
         [[0.0], np.geomspace(0.25 * min(period, longest_lag), longest_lag, LAGS)]
     )
     best = (math.inf, 0.0, 0.0)
-    out = np.zeros(max(count, 2 * SIDE + 1) + 4)
+    out = np.zeros(count + 4)
     for lag in lags:
         misfit(times, commands, positions, lag, delays, begin, x, out)
-        best = _better(best, lag, delays, out)
+        k = int(np.argmin(out[:count]))
+        if out[k] < best[0]:
+            best = (float(out[k]), float(delays[k]), float(lag))
         yield None
-    side = np.linspace(-1.0, 1.0, 2 * SIDE + 1)
-    step, span = delays[1], max(0.5 * best[2], lags[1])
-    for _ in range(FINER):
-        center = best
-        for lag in np.clip(center[2] + span * side, 0.0, longest_lag):
-            # Delay and lag together are known better than each: the search goes along their sum.
-            near = np.clip(center[1] + center[2] - lag + step * side, 0.0, longest_delay)
-            misfit(times, commands, positions, lag, near, begin, x, out)
-            best = _better(best, lag, near, out)
+    one = np.zeros(1)
+
+    def value(point: Vector) -> float:
+        """Misfit at a delay and lag; both sides of zero are the same."""
+        if abs(point[0]) > longest_delay or abs(point[1]) > longest_lag:
+            return math.inf
+        one[0] = abs(point[0])
+        misfit(times, commands, positions, abs(point[1]), one, begin, x, out)
+        return float(out[0])
+
+    for _ in range(DESCENTS):
+        size = np.array([delays[1], max(0.5 * best[2], lags[1])])
+        for lowest, point in _descend(value, np.array(best[1:]), size):
+            if lowest < best[0]:
+                best = (lowest, abs(float(point[0])), abs(float(point[1])))
             yield None
-        moved = abs(best[1] + best[2] - center[1] - center[2])
-        if abs(best[2] - center[2]) < 0.9 * span and moved < 0.9 * step:
-            step, span = 0.5 * step, 0.5 * span
     misfit(times, commands, positions, best[2], np.array([best[1]]), begin, x, out)
     fitted = positions[times >= begin]
     yield Fit(
@@ -208,13 +213,36 @@ def search(
     )
 
 
-def _better(
-    best: tuple[float, float, float], lag: float, delays: Vector, misfits: Vector
-) -> tuple[float, float, float]:
-    k = int(np.argmin(misfits[: delays.size]))
-    if misfits[k] < best[0]:
-        return float(misfits[k]), float(delays[k]), float(lag)
-    return best
+def _descend(
+    value: Callable[[Vector], float], start: Vector, size: Vector
+) -> Iterator[tuple[float, Vector]]:
+    """Yield the lowest value so far and where it is, of two variables (Nelder and Mead 1965)."""
+    points = [start, start + size * [1.0, 0.0], start + size * [0.0, 1.0]]
+    values = [value(point) for point in points]
+    for _ in range(STEPS):
+        order = np.argsort(values)
+        points, values = [points[i] for i in order], [values[i] for i in order]
+        yield values[0], points[0]
+        if np.all(np.abs(points[2] - points[0]) + np.abs(points[1] - points[0]) < CLOSE):
+            return
+        middle = 0.5 * (points[0] + points[1])
+        trial = 2.0 * middle - points[2]
+        found = value(trial)
+        if found < values[0]:
+            farther = 3.0 * middle - 2.0 * points[2]
+            reached = value(farther)
+            if reached < found:
+                trial, found = farther, reached
+        elif found >= values[1]:
+            nearer = 0.5 * (middle + (trial if found < values[2] else points[2]))
+            reached = value(nearer)
+            if reached < min(found, values[2]):
+                trial, found = nearer, reached
+            else:
+                points[1:] = [0.5 * (points[0] + point) for point in points[1:]]
+                values[1:] = [value(point) for point in points[1:]]
+                continue
+        points[2], values[2] = trial, found
 
 
 def fit_response(

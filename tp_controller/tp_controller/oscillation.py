@@ -290,17 +290,17 @@ class OscillationWatch:
         late = self._late(joint, fit)
         if late and (gain * abs(late) >= LOOP or changing is not None):
             return self._say_late(joint, fit, task)
+        if task is not None and gain * period >= 1.0:
+            return (
+                f'tasks.{name}.gain of {gain:.3g} is too high for periods of '
+                f'{1e3 * period:.3g} ms; use at most {0.5 / period:.3g}'
+            )
         swing = float(self._joints.amplitude[joint] * self._speed[joint])
         noise = self._noise(joint, fit)
         if task is not None and noise and swing <= NOISY * gain * noise:
             return (
                 f'tasks.{name}.gain of {gain:.3g} makes it of the noise in measured positions, '
                 f'{noise:.2g} rad or m; lower the gain, or set robot.noise: {noise:.2g}'
-            )
-        if task is not None and gain * period >= 1.0:
-            return (
-                f'tasks.{name}.gain of {gain:.3g} is too high for periods of '
-                f'{1e3 * period:.3g} ms; use at most {0.5 / period:.3g}'
             )
         if late:
             return self._say_late(joint, fit, task)

@@ -1,0 +1,331 @@
+"""Executable that moves an arm a little and tells its delay, lag and noise."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from numpy.typing import NDArray
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+from sensor_msgs.msg import JointState
+
+from tp_controller.config import build_robot, read_parameter_file
+from tp_controller.config.build import read_parameters
+from tp_controller.errors import InvalidValue, TaskPriorityError
+from tp_controller.identification import Fit, fit_response
+from tp_controller.measuring import (
+    LONGEST_DELAY,
+    LONGEST_LAG,
+    block,
+    braked,
+    directions,
+    pulses,
+)
+from tp_controller.robot import Robot
+from tp_controller.ros.arguments import one_line
+from tp_controller.ros.commands import TOPIC, CommandPublisher
+from tp_controller.ros.joint_states import JointStateReader
+from tp_controller.ros.run import SIGNALS
+
+Vector = NDArray[np.float64]
+
+REFUSED, UNANSWERED, ENDED = 2, 3, 4
+DISCOVERY = 1.0
+"""Time [s] in which other publishers are found."""
+REST = 1.5
+"""Time [s] at rest in which the noise is measured."""
+LEAST_STATES = 50
+"""States at rest that it needs."""
+STILL = 5e-3
+"""Positions of an arm at rest [rad, m] differ by no more."""
+STRAYED = 3.0
+"""A joint that is so many times the amplitude away from its start ends the measurement."""
+ZEROS = 10
+"""Zero commands at the end."""
+GAIN = 0.05
+"""Share by which a joint may move more or less than commanded without being told."""
+
+
+class Refused(TaskPriorityError):
+    """The measurement cannot begin."""
+
+
+class Ended(TaskPriorityError):
+    """The measurement was ended before it was done."""
+
+
+def main() -> int:
+    """Measure the arm.
+
+    Returns
+    -------
+    int
+        Exit status: 0 measured, 2 refused, 3 no joint states, 4 ended by a signal or the arm.
+    """
+    arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
+    try:
+        values = read_parameters(read_parameter_file(arguments.config, 'tp_controller'))
+        robot = build_robot(values)
+        if not 0.0 < arguments.amplitude < math.inf:
+            raise InvalidValue('amplitude', f'{arguments.amplitude:g}', 'a number above 0')
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except InvalidValue as error:
+        return _fail(str(error), REFUSED)
+    except RuntimeError as error:
+        return _fail(one_line(error), REFUSED)
+    node = rclpy.create_node('measure_arm')
+    try:
+        measurement = _Measurement(node, robot, values, arguments.amplitude)
+        print(measurement.measure(arguments.yes))
+    except (InvalidValue, Refused) as error:
+        return _fail(str(error), REFUSED)
+    except TimeoutError as error:
+        return _fail(str(error), UNANSWERED)
+    except Ended as error:
+        return _fail(str(error), ENDED)
+    except (KeyboardInterrupt, EOFError):
+        return _fail('interrupted before the arm was moved', ENDED)
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='measure_arm',
+        description='Move each joint of an arm a little, there and back, and print its delay, lag '
+        'and noise for the parameter file. No controller may run meanwhile.',
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog='example:\n  ros2 run tp_controller measure_arm --config config/panda.yaml',
+    )
+    parser.add_argument(
+        '--config', type=Path, required=True, help="the controller's parameter file"
+    )
+    parser.add_argument(
+        '--amplitude',
+        type=float,
+        default=0.02,
+        help='how far each joint moves [rad, m] (default: %(default)s)',
+    )
+    parser.add_argument('--yes', action='store_true', help='do not ask before the arm moves')
+    return parser
+
+
+def _fail(message: str, status: int) -> int:
+    print(f'measure_arm: {message}', file=sys.stderr)
+    return status
+
+
+class _Measurement:
+    """Commands, and the states that they answer.
+
+    Parameters
+    ----------
+    node
+        Its node.
+    robot
+        The arm, for joints and limits.
+    values
+        Parameters of the controller.
+    amplitude
+        How far each joint moves [rad, m].
+    """
+
+    def __init__(self, node: Node, robot: Robot, values: dict[str, Any], amplitude: float) -> None:
+        self._node, self._robot, self._amplitude = node, robot, amplitude
+        self._command_type = values['command.type']
+        self._limit = values['timeouts.joint_state']
+        rate = values['rate']
+        self._period = 1.0 / rate if rate else 0.0
+        self._reader = JointStateReader(robot.joints)
+        self._q, self._start = np.zeros((2, robot.n))
+        self._velocity = np.zeros(robot.n)
+        self._commands: CommandPublisher | None = None
+        self._queue: list[Vector] = []
+        self._record: list[tuple[float, Vector, Vector]] = []
+        self._last_time, self._arrived = -math.inf, -math.inf
+        self._problem = self._ignored = ''
+        # Only the newest state counts.
+        self._subscription = node.create_subscription(
+            JointState, 'joint_states', self._on_state, QoSProfile(depth=1)
+        )
+
+    def measure(self, confirmed: bool) -> str:
+        """Measure; return what was found.
+
+        Raises
+        ------
+        Refused, InvalidValue
+            If the arm cannot be moved now.
+        TimeoutError
+            If no joint states come.
+        Ended
+            If the measurement was ended; the arm was braked then.
+        """
+        robot, n = self._robot, self._robot.n
+        self._look_for_others()
+        rest = self._rest()
+        ways = directions(robot.joints, self._q, robot.limits, self._amplitude)
+        if not confirmed:
+            self._ask(ways)
+        self._handle_signals()
+        self._commands = CommandPublisher(self._node, robot, self._command_type)
+        self._start[:] = self._q
+        fits = []
+        try:
+            for i in range(n):
+                print(f'{robot.joints[i]} ({i + 1} of {n})', file=sys.stderr)
+                fits.append(self._move(i, float(ways[i])))
+        finally:
+            self._brake()
+        return self._report(fits, 0.5 * np.ptp(rest, axis=0))
+
+    def _look_for_others(self) -> None:
+        topic = self._node.resolve_topic_name(TOPIC)
+        end = time.monotonic() + DISCOVERY
+        while time.monotonic() < end:
+            rclpy.spin_once(self._node, timeout_sec=0.05)
+        if names := self._others(topic):
+            raise Refused(
+                f'{topic} has a publisher, {names}: end it first, only one may move the arm'
+            )
+
+    def _others(self, topic: str) -> str:
+        infos = self._node.get_publishers_info_by_topic(topic)
+        names = [f'{info.node_namespace.rstrip("/")}/{info.node_name}' for info in infos]
+        own = f'{self._node.get_namespace().rstrip("/")}/{self._node.get_name()}'
+        if self._commands is not None and own in names:
+            names.remove(own)
+        return ', '.join(sorted(names))
+
+    def _rest(self) -> Vector:
+        """Positions (m, n) of the arm at rest; nothing is sent."""
+        self._record.clear()
+        begin = time.monotonic()
+        while time.monotonic() < begin + REST or len(self._record) < LEAST_STATES:
+            rclpy.spin_once(self._node, timeout_sec=0.05)
+            if time.monotonic() > max(begin, self._arrived) + 5.0:
+                why = f' ({self._ignored})' if self._ignored else ''
+                topic = self._subscription.topic_name
+                raise TimeoutError(f'no joint states on {topic} for 5 s{why}')
+        times = np.array([entry[0] for entry in self._record])
+        seen = float(np.median(np.diff(times)))
+        if self._period == 0.0:
+            self._period = seen
+        if not 0.7 < seen / self._period < 1.4:
+            raise Refused(
+                f'joint states come every {1e3 * seen:.3g} ms, rate says {1e3 * self._period:.3g}'
+            )
+        positions = np.array([entry[1] for entry in self._record])
+        moved = np.ptp(positions, axis=0)
+        if moved.max() > STILL:
+            i = int(np.argmax(moved))
+            raise Refused(f'{self._robot.joints[i]} moved by {moved[i]:.3g}: the arm has to rest')
+        return positions
+
+    def _ask(self, ways: Vector) -> None:
+        if not sys.stdin.isatty():
+            raise Refused('this moves the arm: say --yes, or run it in a terminal')
+        moves = ', '.join(
+            f'{name} by {way:+g}' for name, way in zip(self._robot.joints, ways, strict=True)
+        )
+        answer = input(f'The arm will move, one joint after the other: {moves}. Go on? [y/N] ')
+        if answer.strip().lower() not in ('y', 'yes'):
+            raise Refused('not confirmed')
+
+    def _handle_signals(self) -> None:
+        def request(number: int, frame: Any) -> None:
+            self._problem = self._problem or signal.Signals(number).name
+
+        for number in SIGNALS:
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, request)
+
+    def _move(self, i: int, way: float) -> Fit:
+        """Move one joint there and back; return what it makes of its commands."""
+        limits = self._robot.limits
+        wave = pulses(way, float(limits.velocity[i]), float(limits.acceleration[i]), self._period)
+        self._record.clear()
+        self._arrived = time.monotonic()
+        for value in wave:
+            command = np.zeros(self._robot.n)
+            command[i] = value
+            self._queue.append(command)
+        looked = time.monotonic()
+        topic = self._node.resolve_topic_name(TOPIC)
+        while self._queue:
+            rclpy.spin_once(self._node, timeout_sec=0.02)
+            now = time.monotonic()
+            if now - self._arrived > self._limit:
+                self._problem = self._problem or f'no joint state for {self._limit:g} s'
+            if now - looked > 0.5:
+                looked = now
+                if names := self._others(topic):
+                    self._problem = self._problem or f'{names} publishes commands, too'
+            if self._problem:
+                raise Ended(f'ended by {self._problem}; the arm was braked to rest')
+        times, positions, commands = (
+            np.array(column) for column in zip(*self._record, strict=True)
+        )
+        return fit_response(times, commands[:, i], positions[:, i], LONGEST_DELAY, LONGEST_LAG)
+
+    def _on_state(self, msg: JointState) -> None:
+        """Answer a state with the next command, if there is one."""
+        try:
+            self._reader.read(msg, self._q)
+        except InvalidValue as error:
+            self._ignored = str(error)
+            return
+        stamp = msg.header.stamp
+        now = stamp.sec + 1e-9 * stamp.nanosec or time.monotonic()
+        if now <= self._last_time:
+            return
+        self._last_time, self._arrived = now, time.monotonic()
+        if self._commands is not None and self._queue and not self._problem:
+            self._velocity = self._queue.pop(0)
+            self._commands.send(self._velocity, stamp)
+            away = np.abs(self._q - self._start)
+            if away.max() > STRAYED * self._amplitude:
+                i = int(np.argmax(away))
+                self._problem = f'{self._robot.joints[i]}, which is {away[i]:.3g} from its start'
+        self._record.append((now, self._q.copy(), self._velocity.copy()))
+
+    def _brake(self) -> None:
+        """Run down inside the limits of acceleration on a clock of its own, then send zeros."""
+        assert self._commands is not None
+        self._queue.clear()
+        zeros = 0
+        while zeros < ZEROS:
+            acceleration = self._robot.limits.acceleration
+            self._velocity = braked(self._velocity, acceleration, self._period)
+            self._commands.send(self._velocity)
+            zeros += not self._velocity.any()
+            time.sleep(self._period)
+        with contextlib.suppress(RuntimeError):
+            self._commands.wait_until_arrived()
+
+    def _report(self, fits: list[Fit], noise: Vector) -> str:
+        lines = []
+        for joint, fit in zip(self._robot.joints, fits, strict=True):
+            line = (
+                f'# {joint}: delay {1e3 * fit.delay:.1f} ms, lag {1e3 * fit.lag:.1f} ms, differs '
+                f'from that by {fit.residual:.2g} at most, {fit.rms:.2g} rms of {fit.motion:.2g}'
+            )
+            if not fit.explains:
+                line += '; that does not explain its motion, do not use these values'
+            elif abs(fit.gain - 1.0) > GAIN:
+                line += f'; it moves {fit.gain:.3g} times as far as it is told'
+            lines.append(line)
+        return '\n'.join([*lines, block(fits, noise)])
