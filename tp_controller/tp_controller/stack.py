@@ -158,6 +158,7 @@ class Stack:
         bends = [np.zeros(task.k) if task.set_based else task.bend for task, _, _ in self._parts]
         self._curvature = Curvature(
             self._errors,
+            self._feedforward,
             np.concatenate([*bends, np.zeros(0)]),
             np.zeros((k, self.robot.n, self.robot.n)),
             self._fill_hessians,

@@ -50,7 +50,8 @@ class Bounds(NamedTuple):
     ranged: bool = True
     """Whether any joint has a range."""
     change: Vector | None = None
-    """By how much velocities may change (n,) from step to step; None without such limits."""
+    """By how much velocities may change (n,) from step to step, infinite for joints without such
+    a limit; None if no joint has one."""
     step: float = math.inf
     """Time [s] of one step."""
 
@@ -66,6 +67,8 @@ class Curvature(NamedTuple):
 
     errors: Vector
     """Errors (K,), zero for rows that have none."""
+    feedforward: Vector
+    """The part (K,) of the desired velocities that is no gain term."""
     bends: Vector
     """Bounds (K,) on the second derivatives of the variables by unit joint motions."""
     hessians: NDArray[np.float64]
@@ -76,4 +79,5 @@ class Curvature(NamedTuple):
     @classmethod
     def none(cls, n: int) -> Curvature:
         """Nothing known: the published laws alone."""
-        return cls(np.zeros(0), np.zeros(0), np.zeros((0, n, n)), lambda: None)
+        none = np.zeros(0)
+        return cls(none, none, none, np.zeros((0, n, n)), lambda: None)
