@@ -49,22 +49,27 @@ FIXED = types.Array(float64, 1, 'C', readonly=True)
 
 
 @njit(cache=True)
-def _fade(N, m, weight, B, S, rank, rule, x, spare, answer):  # type: ignore[no-untyped-def]
-    """Damp what the velocity x (n,) already has of the directions of a level.
-
-    The answer (m,) to what is left of the level's wish then leads to the same velocity as the
-    answer from standstill.
-    """
+def _share_of(N, m, weight, x, out):  # type: ignore[no-untyped-def]
+    """Fill the coordinates (m,) of what a velocity x (n,) has in a basis (m, n)."""
     n = x.size
-    if rule[0] == 0.0:
-        return
     for j in range(m):
-        spare[j] = 0.0
+        out[j] = 0.0
         for c in range(n):
             part = 0.0
             for d in range(n):
                 part += weight[c, d] * x[d]
-            spare[j] += N[j, c] * part
+            out[j] += N[j, c] * part
+
+
+@njit(cache=True)
+def _fade(m, B, S, rank, rule, present, answer):  # type: ignore[no-untyped-def]
+    """Damp what the present velocity already has of the directions of a level.
+
+    The answer (m,) to what is left of the level's wish then leads to the same velocity as the
+    answer from standstill. The present velocity has the coordinates ``present`` (m,).
+    """
+    if rule[0] == 0.0:
+        return
     for i in range(rank):
         near = 1.0 - (S[i] / rule[1]) ** 2
         if near <= 0.0:
@@ -72,18 +77,19 @@ def _fade(N, m, weight, B, S, rank, rule, x, spare, answer):  # type: ignore[no-
         damping = rule[0] ** 2 * near
         along = 0.0
         for j in range(m):
-            along += B[i, j] * spare[j]
+            along += B[i, j] * present[j]
         for j in range(m):
             answer[j] -= damping / (S[i] * S[i] + damping) * along * B[i, j]
 
 
 @njit(cache=True)
 def _slow_down(  # type: ignore[no-untyped-def]
-    velocity, first, end, acts, errors, feedforward, offset, N, m, n, change, dt, answer
+    velocity, first, end, acts, errors, feedforward, offset, N, m, n, change, dt, present, answer
 ):  # fmt: skip
     """Make the answer (m,) of a level that loses small enough for joints to brake in time.
 
-    With the gain K of the level, the way to where it comes to rest is the answer divided by K.
+    The velocity is the answer beside the present one (m,). With the gain K of the level, the way
+    to where it comes to rest is that velocity divided by K.
     """
     if not math.isfinite(dt):
         return
@@ -98,14 +104,14 @@ def _slow_down(  # type: ignore[no-untyped-def]
     for c in range(n):
         speed = 0.0
         for j in range(m):
-            speed += answer[j] * N[j, c]
+            speed += (present[j] + answer[j]) * N[j, c]
         speed = abs(speed)
         able = viable_speed(speed / gain, LOWER_SHARE * change[c], dt)
         if speed > able:
             factor = min(factor, able / speed)
     if factor < 1.0:
         for j in range(m):
-            answer[j] *= factor
+            answer[j] = factor * (present[j] + answer[j]) - present[j]
 
 
 @njit(cache=True)
@@ -180,7 +186,7 @@ def _serve(  # type: ignore[no-untyped-def]
     U, S = work[9], work[10, 0]
     taken, rows, lengths = work[11], work[12], work[10, 1]
     weights, lost = work[10, 2, : velocity.size], work[10, 3, : velocity.size]
-    pull, coordinates = work[10, 4, :n], work[10, 6]
+    pull, coordinates, present = work[10, 4, :n], work[10, 6], work[7, 3]
     held[: velocity.size] = 0.0
     for c in range(n):
         base[c] = start[c] = origin[c] = best[c] = qd[c]
@@ -280,10 +286,13 @@ def _serve(  # type: ignore[no-untyped-def]
         if firm:
             full = rank
             share = -1.0
+            _share_of(Z, freedom, weight, base, present)
+            _fade(freedom, B, S, rank, rule, present, answers[0])
             if settling != PLAIN:
                 found = settle(
                     J, order, k, first, end, acts, errors, hessians, bends, settling == BENT,
-                    offset, Z[:, :n], freedom, rank, B, U, S, sides[0], rule, square, followed,
+                    offset, Z[:, :n], freedom, rank, B, U, S, sides[0], present, rule, square,
+                    followed,
                     d + 1, taken, rows, lengths, weights, pull, work[13], work[14], work[15],
                     lost, answers[0],
                 )  # fmt: skip
@@ -292,10 +301,8 @@ def _serve(  # type: ignore[no-untyped-def]
                 if found == LOSES:
                     _slow_down(
                         velocity, first, end, acts, errors, feedforward, offset, Z, freedom, n,
-                        changes, dt, answers[0],
+                        changes, dt, present, answers[0],
                     )  # fmt: skip
-            if found != LOSES:
-                _fade(Z, freedom, weight, B, S, rank, rule, base, coordinates, answers[0])
         for c in range(n):
             way[c] = 0.0
             for j in range(freedom):
@@ -326,7 +333,7 @@ def _recur(  # type: ignore[no-untyped-def]
     taken, rows, lengths = work[11], work[12], work[10, 1]
     raw, A, turn = work[13], work[14], work[15]
     weights, lost = work[10, 2, : velocity.size], work[10, 3, : velocity.size]
-    pull, floor, spare_row = work[10, 4, :n], work[10, 5], work[10, 6]
+    pull, floor, present = work[10, 4, :n], work[10, 5], work[7, 3]
     share_of = work[10, 7, 0:1]
     own_taken, own_rows, own_lengths = work[16], work[17], work[10, 8]
     verdicts = work[VERDICTS]
@@ -371,10 +378,14 @@ def _recur(  # type: ignore[no-untyped-def]
         smallest = tolerance * math.sqrt(square)
         full = invert(J, order, k, N[:, :n], m, rule, smallest, sides, answers, 1, B, W, U, S)
         found = int64(NOTHING)
+        present[:m] = 0.0
+        if bounded:
+            _share_of(N, m, weight, qd, present)
+            _fade(m, B, S, full, rule, present, answers[0])
         if settling != PLAIN:
             found = settle(
                 J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
-                N[:, :n], m, full, B, U, S, sides[0], rule, square, level + 1 < levels,
+                N[:, :n], m, full, B, U, S, sides[0], present, rule, square, level + 1 < levels,
                 count, taken, rows, lengths, weights, pull, raw, A, turn, lost, answers[0],
             )  # fmt: skip
             if found == UNKNOWN:
@@ -382,13 +393,11 @@ def _recur(  # type: ignore[no-untyped-def]
             if found == LOSES:
                 _slow_down(
                     velocity, first, end, acts, errors, feedforward, offset, N, m, n, change, dt,
-                    answers[0],
+                    present, answers[0],
                 )  # fmt: skip
             keep(N[:, :n], m, B, U, S, order, k, full, 0, own_taken, own_rows, own_lengths)
         if full == 0 and found == NOTHING:
             continue
-        if bounded and found != LOSES:
-            _fade(N, m, weight, B, S, full, rule, qd, spare_row, answers[0])
         for j in range(m):
             for c in range(n):
                 Z[j, c] = N[j, c]

@@ -173,7 +173,7 @@ def _curvature(weights, end, hessians, offset, N, m, raw, out):  # type: ignore[
 @njit(cache=True)
 def settle(  # type: ignore[no-untyped-def]
     J, order, k, first, end, acts, errors, hessians, bends, known, offset,
-    N, m, rank, B, U, S, side, rule, square, followed,
+    N, m, rank, B, U, S, side, present, rule, square, followed,
     count, taken, rows, lengths, weights, pull, raw, A, W, lost, answer,
 ):  # fmt: skip
     """Change a level's answer where it cannot get what it asks for.
@@ -188,8 +188,9 @@ def settle(  # type: ignore[no-untyped-def]
         second derivatives are filled in.
     N, m, rank, B, U, S
         Basis (m, n) of the freedom, and the level's directions, see `kernel._invert`.
-    side, rule, square
-        What the level asks for (k,), its damping, and the square of its Jacobian's norm.
+    side, present, rule, square
+        What the level asks for (k,) beyond the present velocity, the coordinates (m,) of that in
+        the basis, the level's damping, and the square of its Jacobian's norm.
     followed
         Whether a level below could use freedom that is left.
     count, taken, rows, lengths
@@ -296,15 +297,21 @@ def settle(  # type: ignore[no-untyped-def]
     for a in range(m):
         pull[a] = 0.0
     for i in range(rank):
-        along = 0.0
+        along, moving = 0.0, 0.0
         for r in range(k):
             along += U[i, r] * side[r]
+        for a in range(m):
+            moving += B[i, a] * present[a]
+        # The step takes the place of the present velocity: what that has is asked for anew.
+        asked -= along * along
+        along += S[i] * moving
+        asked += along * along
         for a in range(m):
             pull[a] += S[i] * along * B[i, a]
     orthogonalise(A, W, m, m)
     mix = min(1.0, 2.0 * most)
     for a in range(m):
-        answer[a] *= 1.0 - mix
+        answer[a] = (1.0 - mix) * answer[a] - mix * present[a]
     for i in range(m):
         slope, along = 0.0, 0.0
         for a in range(m):
