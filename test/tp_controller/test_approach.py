@@ -64,9 +64,11 @@ def test_with_different_gains_every_row_gets_to_its_target(gains, acceleration, 
 
 
 @pytest.mark.parametrize('share', [0.1, 0.5])
+@pytest.mark.parametrize('levels', [['hand_position'], ['hand_position', 'posture']])
 @pytest.mark.parametrize('seed', range(3))
-def test_the_hand_of_a_panda_does_not_go_beyond_its_target(config, share, seed):
-    values = read_parameter_file(config / 'panda.yaml', 'tp_controller') | {'rate': RATE}
+def test_the_hand_of_a_panda_does_not_go_beyond_its_target(config, share, levels, seed):
+    values = read_parameter_file(config / 'panda.yaml', 'tp_controller')
+    values |= {'rate': RATE, 'hierarchy': levels}
     for task in ('hand_position', 'hand_orientation', 'posture'):
         values[f'tasks.{task}.gain'] = [share * RATE]
     stack = build_settings(values).stack
