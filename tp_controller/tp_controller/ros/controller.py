@@ -44,9 +44,11 @@ NEIGHBOUR_PERIOD = 1.0
 SERVE_PERIOD = 0.02
 """Time [s] between two looks for other things to do at least,"""
 SERVE_AGAIN = 0.01
-"""right after a joint state was answered,"""
+"""right after a joint state was answered, or while joint states wait all the time,"""
 SERVE_SOON = 0.001
 """and while there is more to do."""
+EARLIEST = 0.9
+"""Least time [periods] between two commands of braking."""
 IN_A_ROW = 3
 """So many joint states are answered before other work, if they wait already."""
 
@@ -229,8 +231,9 @@ class ControllerNode(RobotNode):
         now = time.monotonic()
         answered, self._answered = self._answered, False
         if now >= self._brake_at:
-            self._brake_at = max(self._brake_at, now - LONGEST_SILENCE)
-            self._brake_at += self._cycle.braking_period
+            # What was missed is not caught up: every command of braking is a step of it.
+            period = self._cycle.braking_period
+            self._brake_at = max(self._brake_at + period, now + EARLIEST * period)
             self._brake()
         elif now >= self._look_at:
             self._look_at = now + self._cycle.look_period
@@ -241,21 +244,23 @@ class ControllerNode(RobotNode):
             self._intake.wait(min(self._brake_at, self._look_at, self._serve_at) - now)
 
     def _serve(self, executor: Executor) -> None:
-        """Execute callbacks that are ready until there are none, or a joint state waits."""
-        busy = False
-        while not self._intake.waits():
+        """Execute callbacks that are ready, one or more, until a joint state waits."""
+        pause = SERVE_PERIOD
+        while True:
             try:
                 handler, entity, _ = executor.wait_for_ready_callbacks(timeout_sec=0.0)
             except TimeoutException:
                 break
-            busy |= not isinstance(entity, Timer)
+            if not isinstance(entity, Timer):
+                pause = SERVE_SOON
             handler()
             if (error := handler.exception()) is not None:
                 raise error
-        else:
-            busy = True
+            if self._intake.waits():
+                pause = SERVE_AGAIN
+                break
         self._served = time.monotonic()
-        self._serve_at = self._served + (SERVE_SOON if busy else SERVE_PERIOD)
+        self._serve_at = self._served + pause
 
     def work(self) -> None:
         """Answer the newest joint state; without one, take over goals that wait."""
