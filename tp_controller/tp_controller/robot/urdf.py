@@ -25,6 +25,8 @@ from tp_controller.robot.model import Coupling, Robot
 Vector = NDArray[np.float64]
 
 KEY = 'robot.urdf'
+LONGEST_PATH = 400
+"""So many characters of a path are shown."""
 PACKAGE = 'package://'
 LONGEST_URDF = 10_000_000
 """Length of a description [characters] that is read."""
@@ -65,7 +67,7 @@ def read_description(path: str) -> str:
         return place.read_text(encoding='utf-8')
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, 'strerror', None) or 'bytes that are not UTF-8'
-        raise InvalidValue(KEY, f'{shown(path)} ({reason})', 'a readable URDF file') from None
+        raise InvalidValue(KEY, f'{shown(path, LONGEST_PATH)} ({reason})', 'a readable URDF file') from None
 
 
 def place_of(path: str) -> Path:
