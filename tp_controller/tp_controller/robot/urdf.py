@@ -67,7 +67,9 @@ def read_description(path: str) -> str:
         return place.read_text(encoding='utf-8')
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, 'strerror', None) or 'bytes that are not UTF-8'
-        raise InvalidValue(KEY, f'{shown(path, LONGEST_PATH)} ({reason})', 'a readable URDF file') from None
+        raise InvalidValue(
+            KEY, f'{shown(path, LONGEST_PATH)} ({reason})', 'a readable URDF file'
+        ) from None
 
 
 def place_of(path: str) -> Path:
