@@ -83,8 +83,11 @@ class BoundedRecursion:
 
     @property
     def loser(self) -> int:
-        """First level that settling found to lose some of its error, -1 if none does."""
-        losers = np.flatnonzero(self._verdicts)
+        """First level whose answer settling changed, as it loses, -1 if there is none.
+
+        Whether a level `LEAVES` depends on whether there is one below: that does not count.
+        """
+        losers = np.flatnonzero(self._verdicts == self._kernel.LOSES)
         return int(losers[0]) if losers.size else -1
 
     @property
