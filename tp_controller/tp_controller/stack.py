@@ -154,11 +154,10 @@ class Stack:
         ]
         for task, _, _ in self._parts:
             task.place(self._J[self._rows[task.name]])
-        self._bounding = [task for task, _, _ in self._parts if task.set_based]
+        self._bounding = [task for task, _, _ in self._parts if isinstance(task, SetBasedTask)]
         bends = [np.zeros(task.k) if task.set_based else task.bend for task, _, _ in self._parts]
         self._curvature = Curvature(
             self._errors,
-            self._feedforward,
             np.concatenate([*bends, np.zeros(0)]),
             np.zeros((k, self.robot.n, self.robot.n)),
             self._fill_hessians,
@@ -401,13 +400,15 @@ class Stack:
         if bounds.change is None:
             return
         for task, velocity, _ in self._parts:
-            part = self._feedforward[self._rows[task.name]]
             # Of rows without an error there is nothing to approach.
-            part[:] = velocity if task.set_based else task.feedforward
+            part = velocity if task.set_based else task.settings[1]
+            self._feedforward[self._rows[task.name]] = part
         self.solver.slow_down(self._J, self._velocity, self._feedforward, self._errors, bounds)
 
     def _expect(self, bounds: Bounds) -> None:
         """Tell tasks which speeds the next step can have."""
+        if not self._bounding:
+            return
         fastest = self._fastest
         np.negative(bounds.soon_lower, out=fastest)
         np.maximum(fastest, bounds.soon_upper, out=fastest)

@@ -74,7 +74,7 @@ class BoundedRecursion:
         self.shares = self._shares[1:]
         self._verdicts = self._work[kernel.VERDICTS][1 : len(starts)]
         self.scale = 1.0
-        self._flat, self._endless = Curvature.none(n), np.full(n, np.inf)
+        self._flat = Curvature.none(n)
 
     @property
     def stops(self) -> NDArray[np.int64]:
@@ -144,10 +144,7 @@ class BoundedRecursion:
             settling,
             self._n,
             known.errors,
-            known.feedforward,
             known.hessians,
             known.bends,
-            self._endless if bounds.change is None else bounds.change,
-            bounds.step,
             qd,
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -93,7 +92,6 @@ class HQPSolver(Solver):
         self._flat = self._curvature = Curvature.none(n)
         self._settling = self._kernel.PLAIN
         self._bounds: Bounds | None = None
-        self._change, self._step = self._endless, math.inf
         self.proven = True
         self._shares = np.ones(len(self._groups))
         self._settled = False
@@ -160,8 +158,6 @@ class HQPSolver(Solver):
             that any level of equalities gets, levels above and bounds taken together.
         """
         self._curvature = curvature or self._flat
-        self._change = self._endless if bounds.change is None else bounds.change
-        self._step = bounds.step
         self._settling = self._kernel.PLAIN if curvature is None else self._kernel.SIMPLE
         self._rows[self.n :], self._wish[self.n :] = J, velocity
         self._acts[: self.n] = False
@@ -248,11 +244,8 @@ class HQPSolver(Solver):
             self._settling,
             self.n,
             self._curvature.errors,
-            self._curvature.feedforward,
             self._curvature.hessians,
             self._curvature.bends,
-            self._change,
-            self._step,
         )
 
     def _bend(self) -> None:

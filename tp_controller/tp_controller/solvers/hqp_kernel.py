@@ -44,11 +44,8 @@ NOTHING, ONE, SEVERAL = 0, 1, 2
         int64,
         int64,
         COLUMN,
-        COLUMN,
         float64[:, :, ::1],
         COLUMN,
-        COLUMN,
-        float64,
         boolean[::1],
         int64[::1],
         int64[::1],
@@ -79,11 +76,8 @@ def ask_again(  # type: ignore[no-untyped-def]
     settling,
     offset,
     errors,
-    feedforward,
     hessians,
     bends,
-    change,
-    dt,
     equal,
     stopped_rows,
     stopped_joints,
@@ -97,7 +91,7 @@ def ask_again(  # type: ignore[no-untyped-def]
     Parameters
     ----------
     J, wish, acts, starts, rules, basis, tolerance, low, high, firm_low, firm_high, sided, \
-    weight, work, shares, stops, settling, offset, errors, feedforward, hessians, bends, change, dt
+    weight, work, shares, stops, settling, offset, errors, hessians, bends
         As `kernel.resolve`, with the n joints as rows of a level above all others.
     equal
         Which of the other rows always act (K,).
@@ -148,8 +142,8 @@ def ask_again(  # type: ignore[no-untyped-def]
                 acts[n + i] = equal[i] or 0 <= stopped_rows[i] <= level
             done = resolve(
                 J, wish, acts, starts, rules, basis, tolerance, low, high, firm_low,
-                firm_high, sided, weight, work, shares, stops, settling, offset, errors,
-                feedforward, hessians, bends, change, dt, qd,
+                firm_high, sided, weight, work, shares, stops, settling, offset, errors, hessians,
+                bends, qd,
             )  # fmt: skip
             if done != DONE:
                 return BENDS if done == UNKNOWN else FAILS

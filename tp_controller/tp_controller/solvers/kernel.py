@@ -13,8 +13,6 @@ import math
 import numpy as np
 from numba import boolean, float64, int64, njit, types
 
-from tp_controller.braking import viable_speed
-from tp_controller.solvers.approach import LOWER_SHARE
 from tp_controller.solvers.directions import STILL, gather, invert, reduce
 from tp_controller.solvers.settling import (
     LOSES,
@@ -49,7 +47,7 @@ FIXED = types.Array(float64, 1, 'C', readonly=True)
 
 
 @njit(cache=True)
-def _share_of(N, m, weight, x, out):  # type: ignore[no-untyped-def]
+def _coordinates(N, m, weight, x, out):  # type: ignore[no-untyped-def]
     """Fill the coordinates (m,) of what a velocity x (n,) has in a basis (m, n)."""
     n = x.size
     for j in range(m):
@@ -80,38 +78,6 @@ def _fade(m, B, S, rank, rule, present, answer):  # type: ignore[no-untyped-def]
             along += B[i, j] * present[j]
         for j in range(m):
             answer[j] -= damping / (S[i] * S[i] + damping) * along * B[i, j]
-
-
-@njit(cache=True)
-def _slow_down(  # type: ignore[no-untyped-def]
-    velocity, first, end, acts, errors, feedforward, offset, N, m, n, change, dt, present, answer
-):  # fmt: skip
-    """Make the answer (m,) of a level that loses small enough for joints to brake in time.
-
-    The velocity is the answer beside the present one (m,). With the gain K of the level, the way
-    to where it comes to rest is that velocity divided by K.
-    """
-    if not math.isfinite(dt):
-        return
-    asked = size = 0.0
-    for r in range(first, end):
-        if acts[r]:
-            asked += (velocity[r] - feedforward[r - offset]) ** 2
-            size += errors[r - offset] ** 2
-    if not (asked > 0.0 and size > 0.0):
-        return
-    gain, factor = math.sqrt(asked / size), 1.0
-    for c in range(n):
-        speed = 0.0
-        for j in range(m):
-            speed += (present[j] + answer[j]) * N[j, c]
-        speed = abs(speed)
-        able = viable_speed(speed / gain, LOWER_SHARE * change[c], dt)
-        if speed > able:
-            factor = min(factor, able / speed)
-    if factor < 1.0:
-        for j in range(m):
-            answer[j] = factor * (present[j] + answer[j]) - present[j]
 
 
 @njit(cache=True)
@@ -163,7 +129,7 @@ def _stopper(J, start, way, low, high, sided, end, floor, held):  # type: ignore
 def _serve(  # type: ignore[no-untyped-def]
     J, velocity, order, k, first, end, square, acts, rule, smallest, weight, level, full, Z,
     freedom, low, high, firm_low, firm_high, sided, bounded, floor, stops, settling, offset,
-    errors, feedforward, hessians, bends, changes, dt, followed, count, found, work, share_of, qd,
+    errors, hessians, bends, followed, count, found, work, share_of, qd,
 ):  # fmt: skip
     """Bring a level as far as the bounds allow; ``work[6, 0]`` is its answer without them.
 
@@ -286,7 +252,7 @@ def _serve(  # type: ignore[no-untyped-def]
         if firm:
             full = rank
             share = -1.0
-            _share_of(Z, freedom, weight, base, present)
+            _coordinates(Z, freedom, weight, base, present)
             _fade(freedom, B, S, rank, rule, present, answers[0])
             if settling != PLAIN:
                 found = settle(
@@ -298,11 +264,6 @@ def _serve(  # type: ignore[no-untyped-def]
                 )  # fmt: skip
                 if found == UNKNOWN:
                     return UNKNOWN, found
-                if found == LOSES:
-                    _slow_down(
-                        velocity, first, end, acts, errors, feedforward, offset, Z, freedom, n,
-                        changes, dt, present, answers[0],
-                    )  # fmt: skip
         for c in range(n):
             way[c] = 0.0
             for j in range(freedom):
@@ -320,8 +281,7 @@ def _serve(  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _recur(  # type: ignore[no-untyped-def]
     J, velocity, acts, starts, rules, basis, tolerance, bounded, low, high, firm_low, firm_high,
-    sided, weight, work, shares, stops, settling, offset, errors, feedforward, hessians, bends,
-    change, dt, qd,
+    sided, weight, work, shares, stops, settling, offset, errors, hessians, bends, qd,
 ):  # fmt: skip
     """Resolve levels one after the other, inside the bounds or without any; see `resolve`."""
     n = qd.size
@@ -364,8 +324,8 @@ def _recur(  # type: ignore[no-untyped-def]
                 result, _ = _serve(
                     J, velocity, order, k, first, end, square, acts, rule, smallest, weight, level,
                     full, Z, m, low, high, firm_low, firm_high, sided, bounded, floor, stops,
-                    int64(PLAIN), offset, errors, feedforward, hessians, bends, change, dt,
-                    boolean(False), count, int64(NOTHING), work, share_of, qd,
+                    int64(PLAIN), offset, errors, hessians, bends, boolean(False), count,
+                    int64(NOTHING), work, share_of, qd,
                 )  # fmt: skip
                 if result != DONE:
                     return result
@@ -380,7 +340,7 @@ def _recur(  # type: ignore[no-untyped-def]
         found = int64(NOTHING)
         present[:m] = 0.0
         if bounded:
-            _share_of(N, m, weight, qd, present)
+            _coordinates(N, m, weight, qd, present)
             _fade(m, B, S, full, rule, present, answers[0])
         if settling != PLAIN:
             found = settle(
@@ -390,11 +350,6 @@ def _recur(  # type: ignore[no-untyped-def]
             )  # fmt: skip
             if found == UNKNOWN:
                 return UNKNOWN
-            if found == LOSES:
-                _slow_down(
-                    velocity, first, end, acts, errors, feedforward, offset, N, m, n, change, dt,
-                    present, answers[0],
-                )  # fmt: skip
             keep(N[:, :n], m, B, U, S, order, k, full, 0, own_taken, own_rows, own_lengths)
         if full == 0 and found == NOTHING:
             continue
@@ -410,8 +365,7 @@ def _recur(  # type: ignore[no-untyped-def]
         result, found = _serve(
             J, velocity, order, k, first, end, square, acts, rule, smallest, weight, level, full,
             Z, freedom, low, high, firm_low, firm_high, sided, bounded, floor, stops, settling,
-            offset, errors, feedforward, hessians, bends, change, dt, level + 1 < levels, count,
-            found, work, share_of, qd,
+            offset, errors, hessians, bends, level + 1 < levels, count, found, work, share_of, qd,
         )  # fmt: skip
         if result != DONE:
             return result
@@ -511,19 +465,15 @@ def _keeps(J, velocity, low, high, sided, qd):  # type: ignore[no-untyped-def]
         int64,
         int64,
         COLUMN,
-        COLUMN,
         CUBE,
         COLUMN,
-        COLUMN,
-        float64,
         COLUMN,
     ),
     cache=True,
 )
 def resolve(  # type: ignore[no-untyped-def]
     J, velocity, acts, starts, rules, basis, tolerance, low, high, firm_low, firm_high, sided,
-    weight, work, shares, stops, settling, offset, errors, feedforward, hessians, bends, change,
-    dt, qd,
+    weight, work, shares, stops, settling, offset, errors, hessians, bends, qd,
 ):  # fmt: skip
     """Resolve levels one after the other inside the bounds.
 
@@ -566,13 +516,9 @@ def resolve(  # type: ignore[no-untyped-def]
     settling
         `PLAIN`: the published laws alone. Else levels that cannot get what they ask for are
         settled, see `settling`: `BENT` with second derivatives that are known, `SIMPLE` without.
-    offset, errors, feedforward, hessians, bends
-        First row that has an error, and for the rows from there on their errors (E,), the part
-        (E,) of their velocity that is no gain term, the second derivatives (E, n, n) of their
-        variables, and bounds (E,) on those.
-    change, dt
-        By how much velocities may change (n,) from step to step, infinite without limits, and
-        the time [s] of one step.
+    offset, errors, hessians, bends
+        First row that has an error, and for the rows from there on their errors (E,), the
+        second derivatives (E, n, n) of their variables, and bounds (E,) on those.
     qd
         Joint velocity (n,), the result.
 
@@ -585,14 +531,14 @@ def resolve(  # type: ignore[no-untyped-def]
     result = _recur(
         J, velocity, acts, starts, rules, basis, tolerance, boolean(False),
         low, high, firm_low, firm_high, sided, weight, work, shares, stops, settling, offset,
-        errors, feedforward, hessians, bends, change, dt, qd,
+        errors, hessians, bends, qd,
     )  # fmt: skip
     if result != DONE or _keeps(J, velocity, low, high, sided, qd):
         return result
     return _recur(
         J, velocity, acts, starts, rules, basis, tolerance, boolean(True),
         low, high, firm_low, firm_high, sided, weight, work, shares, stops, settling, offset,
-        errors, feedforward, hessians, bends, change, dt, qd,
+        errors, hessians, bends, qd,
     )  # fmt: skip
 
 

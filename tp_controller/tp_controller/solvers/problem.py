@@ -67,8 +67,6 @@ class Curvature(NamedTuple):
 
     errors: Vector
     """Errors (K,), zero for rows that have none."""
-    feedforward: Vector
-    """The part (K,) of the desired velocities that is no gain term."""
     bends: Vector
     """Bounds (K,) on the second derivatives of the variables by unit joint motions."""
     hessians: NDArray[np.float64]
@@ -80,4 +78,4 @@ class Curvature(NamedTuple):
     def none(cls, n: int) -> Curvature:
         """Nothing known: the published laws alone."""
         none = np.zeros(0)
-        return cls(none, none, none, np.zeros((0, n, n)), lambda: None)
+        return cls(none, none, np.zeros((0, n, n)), lambda: None)

@@ -196,13 +196,6 @@ class Task(ABC):
     def current(self) -> Vector:
         """Present value, in the form of a target if the task has one; a copy."""
 
-    def expect(self, speed: Vector) -> None:
-        """Take note of the largest speeds (n,) that joints can have in the next step.
-
-        Called before `update`, if at all; what no such speeds can do need not be computed.
-        """
-        return
-
     @abstractmethod
     def update(self) -> None:
         """Compute `error` and `J` at the robot's present configuration."""

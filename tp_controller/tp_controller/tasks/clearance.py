@@ -66,7 +66,7 @@ class ClearanceTask(SetBasedTask):
         self.clearance.threshold = BEYOND * edge
 
     def expect(self, speed: Vector) -> None:
-        """Let only rows come in that such speeds (n,) could break; see `Task.expect`."""
+        """Let only rows come in that such speeds (n,) could break; see `SetBasedTask.expect`."""
         if self.one_sided:
             near = self._near
             np.dot(self.reach, speed, out=near)

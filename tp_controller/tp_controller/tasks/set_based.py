@@ -349,6 +349,13 @@ class SetBasedTask(Task):
         """
         out.fill(-math.inf)
 
+    def expect(self, speed: Vector) -> None:
+        """Take note of the largest speeds (n,) that joints can have in the next step.
+
+        Called before `update`, if at all; what no such speeds can do need not be computed.
+        """
+        return
+
     def _narrow(self, near: Vector) -> None:
         """Turn fastest rates of the distances (k,) into how near each row has to come in.
 
