@@ -78,8 +78,8 @@ def test_delay_lag_and_noise_are_those_of_the_simulator(arm):
     sent = np.array([command.velocity for command in arm.commands])
     assert not sent[-10:].any()
     assert np.abs(np.diff(sent, axis=0)).max() <= 10.0 / RATE + 1e-9
-    # Commands that a busy machine sends late act for longer, on the way there or back.
-    assert np.array(arm.states[-1].position) == pytest.approx(start, abs=3e-2)
+    # Each joint is brought back, whatever came late; what was sent last still acts for a moment.
+    assert np.array(arm.states[-1].position) == pytest.approx(start, abs=5e-3)
 
 
 def test_it_refuses_beside_a_controller(arm):

@@ -8,6 +8,7 @@ import math
 import signal
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,7 @@ from tp_controller.robot import Robot
 from tp_controller.ros.arguments import one_line
 from tp_controller.ros.commands import TOPIC, CommandPublisher
 from tp_controller.ros.joint_states import JointStateReader
+from tp_controller.ros.neighbours import publishers
 from tp_controller.ros.run import SIGNALS
 
 Vector = NDArray[np.float64]
@@ -51,6 +53,10 @@ STILL = 5e-3
 """Positions of an arm at rest [rad, m] differ by no more."""
 STRAYED = 3.0
 """A joint that is so many times the amplitude away from its start ends the measurement."""
+NEAR = 0.1
+"""A joint is back when it is so many times the amplitude from its start, or less."""
+RETURN_GAIN, LONGEST_RETURN = 1.0, 4.0
+"""Gain [1/s] on the way back, low enough for the longest delay, and the time [s] it may take."""
 ZEROS = 10
 """Zero commands at the end."""
 GAIN = 0.05
@@ -157,6 +163,8 @@ class _Measurement:
         self._record: list[tuple[float, Vector, Vector]] = []
         self._last_time, self._arrived = -math.inf, -math.inf
         self._problem = self._ignored = ''
+        self._returning = -1
+        """The joint that goes back to its start, -1 if none does."""
         # Only the newest state counts.
         self._subscription = node.create_subscription(
             JointState, 'joint_states', self._on_state, QoSProfile(depth=1)
@@ -203,12 +211,11 @@ class _Measurement:
             )
 
     def _others(self, topic: str) -> str:
-        infos = self._node.get_publishers_info_by_topic(topic)
-        names = [f'{info.node_namespace.rstrip("/")}/{info.node_name}' for info in infos]
+        names = publishers(self._node, topic)
         own = f'{self._node.get_namespace().rstrip("/")}/{self._node.get_name()}'
         if self._commands is not None and own in names:
             names.remove(own)
-        return ', '.join(sorted(names))
+        return ', '.join(names)
 
     def _rest(self) -> Vector:
         """Positions (m, n) of the arm at rest; nothing is sent."""
@@ -263,9 +270,35 @@ class _Measurement:
             command = np.zeros(self._robot.n)
             command[i] = value
             self._queue.append(command)
+        self._answer_while(lambda: bool(self._queue))
+        times, positions, commands = (
+            np.array(column) for column in zip(*self._record, strict=True)
+        )
+        fit = fit_response(times, commands[:, i], positions[:, i], LONGEST_DELAY, LONGEST_LAG)
+        self._go_back(i)
+        return fit
+
+    def _go_back(self, i: int) -> None:
+        """Bring a joint back that is not where it began, as when states or commands came late."""
+        end = time.monotonic() + LONGEST_RETURN
+        self._returning = i
+        near = NEAR * self._amplitude
+        self._answer_while(
+            lambda: abs(self._start[i] - self._q[i]) > near and time.monotonic() < end
+        )
+        self._returning = -1
+
+    def _answer_while(self, condition: Callable[[], bool]) -> None:
+        """Answer states as long as a condition holds.
+
+        Raises
+        ------
+        Ended
+            If the measurement has to end.
+        """
         looked = time.monotonic()
         topic = self._node.resolve_topic_name(TOPIC)
-        while self._queue:
+        while condition():
             rclpy.spin_once(self._node, timeout_sec=0.02)
             now = time.monotonic()
             if now - self._arrived > self._limit:
@@ -276,10 +309,6 @@ class _Measurement:
                     self._problem = self._problem or f'{names} publishes commands, too'
             if self._problem:
                 raise Ended(f'ended by {self._problem}; the arm was braked to rest')
-        times, positions, commands = (
-            np.array(column) for column in zip(*self._record, strict=True)
-        )
-        return fit_response(times, commands[:, i], positions[:, i], LONGEST_DELAY, LONGEST_LAG)
 
     def _on_state(self, msg: JointState) -> None:
         """Answer a state with the next command, if there is one."""
@@ -293,14 +322,28 @@ class _Measurement:
         if now <= self._last_time:
             return
         self._last_time, self._arrived = now, time.monotonic()
-        if self._commands is not None and self._queue and not self._problem:
-            self._velocity = self._queue.pop(0)
+        if self._commands is not None and not self._problem and self._next_velocity():
             self._commands.send(self._velocity, stamp)
             away = np.abs(self._q - self._start)
             if away.max() > STRAYED * self._amplitude:
                 i = int(np.argmax(away))
                 self._problem = f'{self._robot.joints[i]}, which is {away[i]:.3g} from its start'
         self._record.append((now, self._q.copy(), self._velocity.copy()))
+
+    def _next_velocity(self) -> bool:
+        """Set the velocities of the next command, if there is one."""
+        if self._queue:
+            self._velocity = self._queue.pop(0)
+            return True
+        i = self._returning
+        if i < 0:
+            return False
+        last = float(self._velocity[i])
+        change = float(self._robot.limits.acceleration[i]) * self._period
+        wish = RETURN_GAIN * float(self._start[i] - self._q[i])
+        self._velocity = np.zeros(self._robot.n)
+        self._velocity[i] = min(max(wish, last - change), last + change)
+        return True
 
     def _brake(self) -> None:
         """Run down inside the limits of acceleration on a clock of its own, then send zeros."""

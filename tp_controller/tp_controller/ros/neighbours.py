@@ -72,8 +72,13 @@ class Neighbours:
                     )
 
     def _names(self, topic: str) -> str:
-        names = sorted(_name(info) for info in self._node.get_publishers_info_by_topic(topic))
+        names = publishers(self._node, topic)
         return f'{len(names)} publishers, {", ".join(names)}'
+
+
+def publishers(node: Node, topic: str) -> list[str]:
+    """Full names of the nodes that publish a topic, in order."""
+    return sorted(_name(info) for info in node.get_publishers_info_by_topic(topic))
 
 
 def _name(info: TopicEndpointInfo) -> str:
