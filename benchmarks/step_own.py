@@ -4,12 +4,16 @@ from step_blocks import load_scenario, serve
 
 from tp_controller.config import build_settings
 
+RATE = 1000.0
+"""Steps per second [Hz], as the other side has: ranges are kept for it."""
+
 
 def main() -> None:
     scenario = load_scenario()
     goal, frame, gain = scenario['goal'].tolist(), scenario['frame'], [scenario['gain']]
     posture = {'type': 'posture', 'target': scenario['posture'].tolist(), 'gain': gain}
     parameters = {
+        'rate': RATE,
         'robot': {'urdf': scenario['urdf'], 'joints': scenario['joints']},
         'hierarchy': ['position', 'orientation', 'posture'],
         'tasks': {

@@ -41,9 +41,9 @@ LONGEST_SILENCE = 0.1
 """Time [s] after which the state is published even while joint states wait."""
 NEIGHBOUR_PERIOD = 1.0
 """Time [s] between two looks for other publishers."""
-SERVE_PERIOD = 0.02
+SERVE_PERIOD = 0.03
 """Time [s] between two looks for other things to do at least,"""
-SERVE_AGAIN = 0.01
+SERVE_AGAIN = 0.02
 """right after a joint state was answered, or while joint states wait all the time,"""
 SERVE_SOON = 0.001
 """and while there is more to do."""
