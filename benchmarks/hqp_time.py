@@ -2,8 +2,8 @@
 
     python benchmarks/hqp_time.py
 
-Plain is the recursion over three levels (position, orientation, posture of the hand) without
-limits of range or acceleration. The others add both, three spheres that the hand keeps out of,
+Plain is the recursion over three levels (position, orientation, posture of the hand) with the
+joints' ranges. The others add limits of acceleration, three spheres that the hand keeps out of,
 and the scheme. Each stack moves its own arm to the same goals, a third of which lie inside a
 sphere; all take turns in short blocks, so that they see the same machine. Steps in which a bound
 stopped a level are told apart from those in which none did.
@@ -51,10 +51,9 @@ class Side:
             'rest': {'type': 'posture', 'target': POSTURE},
         }
         levels = list(tasks)
-        block = {'robot': robot, 'solver': {'type': scheme, 'damping': 0.05}}
+        block = {'rate': RATE, 'robot': robot, 'solver': {'type': scheme, 'damping': 0.05}}
         if bounded:
             robot['limits'] = {'acceleration': [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]}
-            block['rate'] = RATE
             for name, center in SPHERES.items():
                 ball = {'type': 'obstacle', 'frame': FRAME, 'center': center, 'radius': RADIUS}
                 tasks[name] = ball

@@ -27,6 +27,7 @@ def stack_of(scheme: str, inverse: str):
     hand = {'frame': FRAME}
     stack = build_settings(
         {
+            'rate': 1000.0,
             'robot': {'urdf': URDF, 'joints': JOINTS},
             'solver': {
                 'type': scheme,
