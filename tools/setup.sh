@@ -129,7 +129,7 @@ build_packages() {
   # numba does not see changes of another file that a compiled one calls
   find tp_controller tp_sim -name '*.nb[ci]' -delete
   PYTHONPATH=tp_controller:tp_sim${PYTHONPATH:+:$PYTHONPATH} \
-    logged python -c 'import tp_controller.braking, tp_controller.following, tp_controller.identification, tp_controller.reversals, tp_controller.robot.bounds, tp_controller.robot.curvature, tp_controller.solvers.approach, tp_controller.solvers.hqp_kernel, tp_controller.solvers.lexicographic, tp_controller.tasks.damper, tp_sim.servo'
+    logged python -c 'import tp_controller.braking, tp_controller.following, tp_controller.identification, tp_controller.reversals, tp_controller.robot.bounds, tp_controller.robot.curvature, tp_controller.solvers.hqp_kernel, tp_controller.solvers.lexicographic, tp_controller.tasks.damper, tp_sim.servo'
   packages_state >install/state
 }
 

@@ -56,4 +56,5 @@ def test_goals_out_of_reach(monkeypatch):
     import unreachable
 
     monkeypatch.setattr(unreachable, 'WATCH', 1.0)
+    monkeypatch.setattr(unreachable, 'LATEST', 6.0)
     assert unreachable.chase('planar', 'null_space', 0).passed

@@ -2,6 +2,7 @@
 
 import time
 
+import daqp
 import numpy as np
 import pytest
 from hypothesis import given
@@ -102,6 +103,24 @@ def test_rows_of_zeros_are_as_if_they_were_not(seed):
         problem.upper,
     )
     np.testing.assert_array_equal(solve(with_zeros)[0], solve(problem)[0])
+
+
+def test_daqp_has_room_for_all_rows_as_active(monkeypatch):
+    """What it takes in beyond its room ends the process."""
+    shapes = []
+    call = daqp.solve
+
+    def watched(H, f, A, most, least, sense, breaks, **settings):
+        counted = int((A != 0.0).any(axis=1).sum())
+        free = np.diff(breaks, prepend=0).max() if len(breaks) else (sense == 8).sum()
+        shapes.append((A.shape[1] + free, counted, len(breaks)))
+        return call(H, f, A, most, least, sense, breaks, **settings)
+
+    monkeypatch.setattr(daqp, 'solve', watched)
+    for seed in range(300):
+        solve(random_problem(seed))
+    assert all(room >= counted for room, counted, _ in shapes)
+    assert {breaks > 1 for _, _, breaks in shapes} == {True, False}
 
 
 def test_inside_a_level_violations_weigh_alike_however_long_the_rows_are():

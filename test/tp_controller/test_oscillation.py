@@ -58,8 +58,8 @@ class Run:
         (
             'b3_pressed',
             PRESSED,
-            {'delay': 2},
-            'moves 33.3 ms after its commands, robot.delay and robot.lag say 0 ms',
+            {'delay': 4},
+            'moves 66.7 ms after its commands, robot.delay and robot.lag say 0 ms',
         ),
         (
             'a4_position_joint',

@@ -121,7 +121,7 @@ def test_an_obstacle_that_jumps_onto_a_moving_arm_makes_it_brake_and_leave():
             stack.tasks['o'].target = np.add(tip, [-0.05, 0.02, 0.0])
         q = q + 0.01 * stack.step(q).command
         distance.append(float(stack.tasks['o'].distance[0]))
-        if i == 51:
+        if i == 50:
             assert stack.safety_filter.stopped_by == ('o',)
             command = stack.safety_filter._before
             assert stack.safety_filter.active_limits(command)[-1] == 'o distance'

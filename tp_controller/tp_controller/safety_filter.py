@@ -202,6 +202,7 @@ class SafetyFilter:
                 soon_high,
                 not endless.all(),
                 change if np.isfinite(change).any() else None,
+                self._before if np.isfinite(change).any() else None,
                 self.period,
             )
 

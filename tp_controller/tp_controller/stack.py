@@ -158,6 +158,7 @@ class Stack:
         bends = [np.zeros(task.k) if task.set_based else task.bend for task, _, _ in self._parts]
         self._curvature = Curvature(
             self._errors,
+            self._feedforward,
             np.concatenate([*bends, np.zeros(0)]),
             np.zeros((k, self.robot.n, self.robot.n)),
             self._fill_hessians,
@@ -375,8 +376,8 @@ class Stack:
                     task.desired_velocity(velocity)
                     if not task.set_based:
                         error[:] = task.error
-                if self.settle:
-                    self._slow_down(bounds)
+                if bounds.change is not None:
+                    self._tell_feedforward()
                 scale = self.solver.solve(
                     self._J,
                     self._velocity,
@@ -395,15 +396,12 @@ class Stack:
         np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
 
-    def _slow_down(self, bounds: Bounds) -> None:
-        """Let levels approach their targets no faster than joints can brake there."""
-        if bounds.change is None:
-            return
+    def _tell_feedforward(self) -> None:
+        """Tell the solver which part of the desired velocities is no gain term."""
         for task, velocity, _ in self._parts:
             # Of rows without an error there is nothing to approach.
             part = velocity if task.set_based else task.settings[1]
             self._feedforward[self._rows[task.name]] = part
-        self.solver.slow_down(self._J, self._velocity, self._feedforward, self._errors, bounds)
 
     def _expect(self, bounds: Bounds) -> None:
         """Tell tasks which speeds the next step can have."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Callable, Sequence
 from itertools import chain
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -195,7 +195,6 @@ class Solver(ABC):
         self.acting: NDArray[np.bool_] = np.zeros(self.k, dtype=np.bool_)
         self._equal = np.ones(self.k, dtype=np.bool_)
         self._equal[self._one_sided] = False
-        self._approach: Any = None
         self._set_rules()
 
     def _set_rules(self) -> None:
@@ -217,47 +216,6 @@ class Solver(ABC):
         """Groups of tasks that are inverted together; all of them unless overridden."""
         return [list(chain.from_iterable(levels))] if levels else []
 
-    def slow_down(
-        self,
-        J: Matrix,
-        velocity: Vector,
-        feedforward: Vector,
-        errors: Vector,
-        bounds: Bounds,
-    ) -> None:
-        """Make gain terms small enough for joints to brake at their targets, see `approach`.
-
-        Parameters
-        ----------
-        J, velocity, bounds
-            As `solve`; the velocities are changed.
-        feedforward
-            The part (K,) of the velocities that is no gain term.
-        errors
-            Errors (K,) of the rows.
-        """
-        if bounds.change is None:
-            return
-        if self._approach is None:
-            from tp_controller.solvers import approach
-
-            self._approach = approach
-            self._approach_work = approach.workspace(self.k, self.n)
-        self._approach.slow_down(
-            J,
-            velocity,
-            feedforward,
-            errors,
-            self._equal,
-            self._starts,
-            self._rules,
-            self._basis,
-            self._tolerance,
-            bounds.change,
-            bounds.step,
-            self._approach_work,
-        )
-
     def solve(
         self,
         J: Matrix,
@@ -275,12 +233,14 @@ class Solver(ABC):
         J
             Task Jacobians of all levels (K, n), highest first; rows of zeros ask for nothing.
         velocity
-            Desired task velocities (K,), of one-sided tasks the least ones.
+            Desired task velocities (K,), of one-sided tasks the least ones. Gain terms are made
+            smaller where joints could not brake at their targets.
         bounds
             Between what the joints may move.
         curvature
-            Errors and second derivatives, for schemes that settle levels which cannot get what
-            they ask for; left out, no scheme does.
+            What the approach to targets within limits of acceleration needs, and, for schemes
+            that settle levels which cannot get what they ask for, second derivatives; left out,
+            there are the published laws alone.
 
         Returns
         -------
@@ -305,7 +265,7 @@ class Solver(ABC):
     ) -> float:
         if self._set is None:
             self._set = self._recursion_inside_bounds(self.holds_joints)
-        scale = self._set.resolve(J, velocity, bounds, qd, curvature if self.settles else None)
+        scale = self._set.resolve(J, velocity, bounds, qd, curvature, self.settles)
         if self._one_sided.size:
             self.acting[self._one_sided] = self._set.acts[self._one_sided]
         return scale

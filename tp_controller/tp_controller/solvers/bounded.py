@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,7 @@ class BoundedRecursion:
         self._n = n
         # Rows of the joints come first, as a level above all others that asks for nothing.
         self._J = np.vstack([np.eye(n), np.zeros((rows, n))])
-        self._velocity = np.zeros(n + rows)
+        self._asked, self._velocity, self._feedforward = np.zeros((3, n + rows))
         self._starts = np.concatenate([[0], n + starts])
         self._rules = np.vstack([[0.0, np.inf], rules])
         self._sided = np.zeros(n + rows, dtype=np.bool_)
@@ -74,6 +75,7 @@ class BoundedRecursion:
         self.shares = self._shares[1:]
         self._verdicts = self._work[kernel.VERDICTS][1 : len(starts)]
         self.scale = 1.0
+        self._still, self._unlimited = np.zeros(n), np.full(n, np.inf)
         self._flat = Curvature.none(n)
 
     @property
@@ -103,18 +105,23 @@ class BoundedRecursion:
         bounds: Bounds,
         qd: Vector,
         curvature: Curvature | None = None,
+        settles: bool = True,
     ) -> float:
         """Write the answer (n,) to ``qd``; parameters and result as `Solver.solve`."""
         n, kernel = self._n, self._kernel
-        self._J[n:], self._velocity[n:] = J, velocity
-        settling = kernel.PLAIN if curvature is None else kernel.SIMPLE
+        self._J[n:], self._asked[n:] = J, velocity
+        settling = kernel.SIMPLE if settles and curvature is not None else kernel.PLAIN
         known = curvature or self._flat
+        # Rows that a scheme added are no gain terms.
+        self._feedforward[n:] = velocity
+        self._feedforward[n : n + known.feedforward.size] = known.feedforward
         result = self._recur(bounds, settling, known, qd)
         if result == kernel.UNKNOWN:
             known.fill()
             result = self._recur(bounds, kernel.BENT, known, qd)
         if result == kernel.FAILED:
             raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
+        velocity[:] = self._velocity[n:]
         if self._holds_joints:
             return float(self.shares.min(initial=1.0))
         self.scale = kernel.shorten(qd, bounds.speed)
@@ -124,8 +131,17 @@ class BoundedRecursion:
         low, high = bounds.range_lower, bounds.range_upper
         if self._holds_joints:
             low, high = bounds.soon_lower, bounds.soon_upper
+        before, change, step = self._still, self._unlimited, math.inf
+        if bounds.change is not None and bounds.before is not None:
+            change = bounds.change
+            if self._holds_joints:
+                np.copyto(before, bounds.before, where=np.isfinite(change))
+            if known is not self._flat:
+                step = bounds.step
         return self._kernel.resolve(
             self._J,
+            self._asked,
+            self._feedforward,
             self._velocity,
             self._always,
             self._starts,
@@ -146,5 +162,8 @@ class BoundedRecursion:
             known.errors,
             known.hessians,
             known.bends,
+            before,
+            change,
+            step,
             qd,
         )

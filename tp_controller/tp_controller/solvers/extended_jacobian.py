@@ -82,7 +82,7 @@ class ExtendedJacobianSolver(Solver):
     ) -> float:
         """Write the joint velocity (n,) to ``qd``; see `Solver.solve`."""
         if self.objective is None:
-            return self._resolve(J, velocity, bounds, qd)
+            return self._resolve(J, velocity, bounds, qd, curvature)
         k = self.k
         self._J[:k], self._velocity[:k] = J, velocity
         self.objective.gradient(self._gradient)
@@ -93,7 +93,9 @@ class ExtendedJacobianSolver(Solver):
         self._differentiate(mu)
         np.dot(Z, self._slope, out=self._J[k:])
         self._velocity[k:] = -self.objective.gain * (Z @ self._gradient)
-        return self._resolve(self._J, self._velocity, bounds, qd)
+        scale = self._resolve(self._J, self._velocity, bounds, qd, curvature)
+        velocity[:] = self._velocity[:k]
+        return scale
 
     def _differentiate(self, mu: Vector) -> None:
         """Fill the slope ∂(∇H - Jᵀ μ)/∂q (n, n) at the present configuration."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -77,17 +78,19 @@ class HQPSolver(Solver):
         self.problem = LexicographicProblem(n, self._starts, sided, self.metric)
         # The recursion's levels, and above them joints at the ends of their ranges.
         self._work = self._kernel.workspace(n + k, n)
-        self._rows, self._wish = np.vstack([np.eye(n), np.zeros((k, n))]), np.zeros(n + k)
+        self._rows = np.vstack([np.eye(n), np.zeros((k, n))])
+        self._wish, self._slowed, self._feedforward = np.zeros((3, n + k))
         self._acts = np.zeros(n + k, dtype=np.bool_)
         self._firsts = np.concatenate([[0], n + self._starts])
         self._was_rows = np.zeros(k, dtype=np.int64)
         self._was_joints, self._joints = np.zeros((2, n), dtype=np.int64)
         self._endless, self._unused = np.full(n, np.inf), np.ones(len(self._groups) + 1)
+        self._change, self._step = self._endless, math.inf
         self._bottomless, self._none = np.full(n, -np.inf), np.zeros(n + k, dtype=np.bool_)
         self._unstopped = np.full(n + k, -1, dtype=np.int64)
         self._weight = np.ascontiguousarray(np.linalg.inv(self._basis.T @ self._basis))
         self._asked, self._again, self._moved = np.zeros((3, k))
-        self._free = np.zeros(n)
+        self._free, self._still = np.zeros((2, n))
         self._lower, self._upper = np.zeros(n), np.zeros(n)
         self._flat = self._curvature = Curvature.none(n)
         self._settling = self._kernel.PLAIN
@@ -160,10 +163,15 @@ class HQPSolver(Solver):
         self._curvature = curvature or self._flat
         self._settling = self._kernel.PLAIN if curvature is None else self._kernel.SIMPLE
         self._rows[self.n :], self._wish[self.n :] = J, velocity
+        self._step = math.inf
+        if curvature is not None and bounds.change is not None:
+            self._change, self._step = bounds.change, bounds.step
+            self._feedforward[self.n :] = curvature.feedforward
         self._acts[: self.n] = False
         self._acts[self.n :] = self._equal
         self._recur()
         np.dot(J, self._free, out=self._moved)
+        velocity[:] = self._slowed[self.n :]
         asked = self._asked
         asked[:] = velocity
         if self._damped:
@@ -206,7 +214,7 @@ class HQPSolver(Solver):
         if self._set is None:
             self._set = self._recursion_inside_bounds(True)
         recursion = self._set
-        recursion.resolve(J, velocity, bounds, qd, curvature)
+        recursion.resolve(J, self._wish[self.n :], bounds, qd, curvature)
         loser = recursion.loser
         if loser < 0:
             return False
@@ -216,6 +224,7 @@ class HQPSolver(Solver):
             missed[self._equal[:above]] = np.abs(missed[self._equal[:above]])
             if missed.max() > KEPT * max(1.0, float(np.abs(self._asked[:above]).max())):
                 return False
+        velocity[:] = self._wish[self.n :]
         self.problem.take(J, self._asked)
         if self._one_sided.size:
             self.acting[self._one_sided] = recursion.acts[self._one_sided]
@@ -227,6 +236,8 @@ class HQPSolver(Solver):
         return (
             self._rows,
             self._wish,
+            self._feedforward,
+            self._slowed,
             self._acts,
             self._firsts,
             self._all_rules,
@@ -246,6 +257,9 @@ class HQPSolver(Solver):
             self._curvature.errors,
             self._curvature.hessians,
             self._curvature.bends,
+            self._still,
+            self._change,
+            self._step,
         )
 
     def _bend(self) -> None:
@@ -266,6 +280,7 @@ class HQPSolver(Solver):
     def _ask_again(self, bounds: Bounds, qd: Vector) -> int:
         """Fill what the levels ask for together with what stopped them."""
         problem = self.problem
+        self._wish[self.n :] = self._slowed[self.n :]
         self._joints[:], self._free[:], self._again[:] = problem.stopped_joints, qd, self._asked
         return self._second.ask_again(
             *self._recursion(),

@@ -6,6 +6,8 @@ removing its cache.
 
 from __future__ import annotations
 
+import math
+
 from numba import boolean, float64, int64, njit, types, void
 
 from tp_controller.solvers.kernel import DONE, resolve
@@ -27,6 +29,8 @@ NOTHING, ONE, SEVERAL = 0, 1, 2
     int64(
         ROWS,
         COLUMN,
+        COLUMN,
+        COLUMN,
         boolean[::1],
         int64[::1],
         ROWS,
@@ -46,6 +50,9 @@ NOTHING, ONE, SEVERAL = 0, 1, 2
         COLUMN,
         float64[:, :, ::1],
         COLUMN,
+        COLUMN,
+        COLUMN,
+        float64,
         boolean[::1],
         int64[::1],
         int64[::1],
@@ -59,6 +66,8 @@ NOTHING, ONE, SEVERAL = 0, 1, 2
 def ask_again(  # type: ignore[no-untyped-def]
     J,
     wish,
+    feedforward,
+    slowed,
     acts,
     starts,
     rules,
@@ -78,6 +87,9 @@ def ask_again(  # type: ignore[no-untyped-def]
     errors,
     hessians,
     bends,
+    still,
+    change,
+    dt,
     equal,
     stopped_rows,
     stopped_joints,
@@ -90,8 +102,9 @@ def ask_again(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    J, wish, acts, starts, rules, basis, tolerance, low, high, firm_low, firm_high, sided, \
-    weight, work, shares, stops, settling, offset, errors, hessians, bends
+    J, wish, feedforward, slowed, acts, starts, rules, basis, tolerance, low, high, firm_low, \
+    firm_high, sided, weight, work, shares, stops, settling, offset, errors, hessians, bends, \
+    still, change, dt
         As `kernel.resolve`, with the n joints as rows of a level above all others.
     equal
         Which of the other rows always act (K,).
@@ -141,9 +154,9 @@ def ask_again(  # type: ignore[no-untyped-def]
             for i in range(k):
                 acts[n + i] = equal[i] or 0 <= stopped_rows[i] <= level
             done = resolve(
-                J, wish, acts, starts, rules, basis, tolerance, low, high, firm_low,
+                J, wish, wish, slowed, acts, starts, rules, basis, tolerance, low, high, firm_low,
                 firm_high, sided, weight, work, shares, stops, settling, offset, errors, hessians,
-                bends, qd,
+                bends, still, change, math.inf, qd,
             )  # fmt: skip
             if done != DONE:
                 return BENDS if done == UNKNOWN else FAILS

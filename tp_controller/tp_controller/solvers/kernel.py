@@ -13,6 +13,7 @@ import math
 import numpy as np
 from numba import boolean, float64, int64, njit, types
 
+from tp_controller.solvers.approach import LOWER_SHARE, SHARE, able_share
 from tp_controller.solvers.directions import STILL, gather, invert, reduce
 from tp_controller.solvers.settling import (
     LOSES,
@@ -34,6 +35,8 @@ BROKEN = 1e-9
 PLAIN, SIMPLE, BENT = 0, 1, 2
 """Whether levels are settled: not at all, without second derivatives as long as it is certain
 that they would change nothing, and with them."""
+FIRST = 1
+"""Index of the first level, below that of the joints."""
 FAILED, DONE = 0, 1
 """What `resolve` returns, beside `UNKNOWN`."""
 
@@ -126,10 +129,87 @@ def _stopper(J, start, way, low, high, sided, end, floor, held):  # type: ignore
 
 
 @njit(cache=True)
+def _aim(  # type: ignore[no-untyped-def]
+    J, asked, feedforward, velocity, order, k, first, end, square, acts, rule, smallest, weight,
+    level, N, m, bounded, change, dt, settling, offset, errors, hessians, bends, followed, count,
+    start, work,
+):  # fmt: skip
+    """Fill ``work[6, 0]`` with a level's answer in a basis N (m, n), beyond what it has already.
+
+    The velocity ``start`` (n,) is there already. What the level asks for is made small enough
+    for the joints to brake at its target, see `approach`, and is then in ``velocity``. A level
+    that loses is settled.
+
+    Returns
+    -------
+    int, int
+        The rank, and what `settle` found.
+    """
+    n = start.size
+    B, W, U, S = work[2], work[3], work[9], work[10, 0]
+    sides, answers = work[4, 0:3], work[6, 0:5]
+    present, still = work[7, 3], work[7, 5]
+    weights, lost = work[10, 2, : velocity.size], work[10, 3, : velocity.size]
+    wishes = far = 0.0
+    for i in range(k):
+        r = int(order[i])
+        velocity[r] = sides[0, i] = asked[r]
+        for c in range(n):
+            sides[0, i] -= J[r, c] * start[c]
+        sides[1, i] = asked[r] - feedforward[r]
+        sides[2, i] = errors[r - offset] if 0 <= r - offset < errors.size else 0.0
+        wishes += sides[1, i] ** 2
+        far += sides[2, i] ** 2
+    slow = dt < math.inf and wishes > 0.0 and far > 0.0
+    rank = invert(
+        J, order, k, N[:, :n], m, rule, smallest, sides, answers, 3 if slow else 1, B, W, U, S
+    )
+    present[:m] = 0.0
+    if bounded:
+        _coordinates(N, m, weight, start, present)
+        _fade(m, B, S, rank, rule, present, answers[0])
+    found = LOSES
+    if slow:
+        # Its gain term alone, from standstill.
+        answers[3] = answers[1]
+        found = NOTHING
+        if settling != PLAIN:
+            found = settle(
+                J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
+                N[:, :n], m, rank, B, U, S, sides[1], still, rule, square, followed, count,
+                work[11], work[12], work[10, 1], weights, work[10, 4, :n], work[13], work[14],
+                work[15], lost, answers[3],
+            )  # fmt: skip
+            if found == UNKNOWN:
+                return rank, found
+        if found == LOSES:
+            answers[2] = 0.0
+        share = SHARE if level <= FIRST else LOWER_SHARE
+        gain = math.sqrt(wishes / far)
+        excess = 1.0 - able_share(N, m, answers[3], answers[2], gain, share, change, dt)
+        if excess > 0.0:
+            for i in range(k):
+                sides[0, i] -= excess * sides[1, i]
+                velocity[int(order[i])] -= excess * sides[1, i]
+            for j in range(m):
+                answers[0, j] -= excess * answers[1, j]
+    if settling == PLAIN:
+        return rank, NOTHING
+    if found == LOSES:
+        found = settle(
+            J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
+            N[:, :n], m, rank, B, U, S, sides[0], present, rule, square, followed, count,
+            work[11], work[12], work[10, 1], weights, work[10, 4, :n], work[13], work[14],
+            work[15], lost, answers[0],
+        )  # fmt: skip
+    return rank, found
+
+
+@njit(cache=True)
 def _serve(  # type: ignore[no-untyped-def]
-    J, velocity, order, k, first, end, square, acts, rule, smallest, weight, level, full, Z,
-    freedom, low, high, firm_low, firm_high, sided, bounded, floor, stops, settling, offset,
-    errors, hessians, bends, followed, count, found, work, share_of, qd,
+    J, asked, feedforward, velocity, order, k, first, end, square, acts, rule, smallest, weight,
+    level, full, Z, freedom, low, high, firm_low, firm_high, sided, bounded, change, dt, floor,
+    stops, settling, offset, errors, hessians, bends, followed, count, found, work, share_of, qd,
 ):  # fmt: skip
     """Bring a level as far as the bounds allow; ``work[6, 0]`` is its answer without them.
 
@@ -146,13 +226,12 @@ def _serve(  # type: ignore[no-untyped-def]
     """
     n = qd.size
     spare, B, W = work[1], work[2], work[3]
-    sides, answers = work[4, 0:2], work[6, 0:2]
+    sides, answers = work[4, 0:3], work[6, 0:5]
     base, start, way = work[7, 0, :n], work[7, 1, :n], work[7, 2, :n]
     best, origin, held = work[8, 0, :n], work[8, 1, :n], work[8, 2]
     U, S = work[9], work[10, 0]
     taken, rows, lengths = work[11], work[12], work[10, 1]
-    weights, lost = work[10, 2, : velocity.size], work[10, 3, : velocity.size]
-    pull, coordinates, present = work[10, 4, :n], work[10, 6], work[7, 3]
+    coordinates = work[10, 6]
     held[: velocity.size] = 0.0
     for c in range(n):
         base[c] = start[c] = origin[c] = best[c] = qd[c]
@@ -206,16 +285,16 @@ def _serve(  # type: ignore[no-untyped-def]
             for c in range(n):
                 origin[c] = start[c] + max(min(most, 1.0), 0.0) * way[c]
                 base[c] = start[c] = origin[c]
-            if ranged:
+            if ranged and stops[critical] < 0:
                 stops[critical] = level
         else:
             bound = high[critical] if way[critical] > 0.0 else low[critical]
             gap = bound - base[critical]
             for c in range(n):
-                change = 0.0
+                part = 0.0
                 for j in range(freedom):
-                    change += coordinates[j] * Z[j, c]
-                start[c] = base[c] + gap / length * change
+                    part += coordinates[j] * Z[j, c]
+                start[c] = base[c] + gap / length * part
             for c in range(n):
                 base[c] = start[c]
         held[critical] = 1.0
@@ -232,38 +311,33 @@ def _serve(  # type: ignore[no-untyped-def]
         lengths[d], lengths[d + 1] = root, 0.0
         for j in range(freedom):
             B[0, j] = coordinates[j] / root
-        reduce(Z, spare, B, answers[1], 1, freedom, n)
+        reduce(Z, spare, B, answers[4], 1, freedom, n)
         freedom -= 1
-        for i in range(k):
-            r = int(order[i])
-            sides[0, i] = velocity[r]
-            sides[1, i] = 0.0
-            for c in range(n):
-                sides[0, i] -= J[r, c] * (base[c] if firm else origin[c])
-                sides[1, i] += J[r, c] * (base[c] - origin[c])
         if firm and freedom == 0:
             share = 1.0
             break
-        rank = invert(
-            J, order, k, Z[:, :n], freedom, rule, smallest, sides, answers, 2, B, W, U, S
-        )
-        if not firm and rank < full:
-            break
         if firm:
-            full = rank
+            full, found = _aim(
+                J, asked, feedforward, velocity, order, k, first, end, square, acts, rule,
+                smallest, weight, level, Z, freedom, bounded, change, dt, settling, offset, errors,
+                hessians, bends, followed, d + 1, base, work,
+            )  # fmt: skip
+            if found == UNKNOWN:
+                return UNKNOWN, found
             share = -1.0
-            _coordinates(Z, freedom, weight, base, present)
-            _fade(freedom, B, S, rank, rule, present, answers[0])
-            if settling != PLAIN:
-                found = settle(
-                    J, order, k, first, end, acts, errors, hessians, bends, settling == BENT,
-                    offset, Z[:, :n], freedom, rank, B, U, S, sides[0], present, rule, square,
-                    followed,
-                    d + 1, taken, rows, lengths, weights, pull, work[13], work[14], work[15],
-                    lost, answers[0],
-                )  # fmt: skip
-                if found == UNKNOWN:
-                    return UNKNOWN, found
+        else:
+            for i in range(k):
+                r = int(order[i])
+                sides[0, i] = velocity[r]
+                sides[1, i] = 0.0
+                for c in range(n):
+                    sides[0, i] -= J[r, c] * origin[c]
+                    sides[1, i] += J[r, c] * (base[c] - origin[c])
+            rank = invert(
+                J, order, k, Z[:, :n], freedom, rule, smallest, sides, answers, 2, B, W, U, S
+            )
+            if rank < full:
+                break
         for c in range(n):
             way[c] = 0.0
             for j in range(freedom):
@@ -280,15 +354,16 @@ def _serve(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _recur(  # type: ignore[no-untyped-def]
-    J, velocity, acts, starts, rules, basis, tolerance, bounded, low, high, firm_low, firm_high,
-    sided, weight, work, shares, stops, settling, offset, errors, hessians, bends, qd,
+    J, asked, feedforward, velocity, acts, starts, rules, basis, tolerance, bounded, low, high,
+    firm_low, firm_high, sided, weight, work, shares, stops, settling, offset, errors, hessians,
+    bends, before, change, dt, qd,
 ):  # fmt: skip
     """Resolve levels one after the other, inside the bounds or without any; see `resolve`."""
     n = qd.size
     shares[:] = 1.0
     stops[:] = -1
     N, spare, B, W, Z = work[0], work[1], work[2], work[3], work[5]
-    sides, answers, order = work[4, 0:2], work[6, 0:2], work[4, 2]
+    sides, answers, order = work[4, 0:3], work[6, 0:5], work[4, 3]
     U, S = work[9], work[10, 0]
     taken, rows, lengths = work[11], work[12], work[10, 1]
     raw, A, turn = work[13], work[14], work[15]
@@ -298,8 +373,9 @@ def _recur(  # type: ignore[no-untyped-def]
     own_taken, own_rows, own_lengths = work[16], work[17], work[10, 8]
     verdicts = work[VERDICTS]
     verdicts[: starts.size] = NOTHING
+    velocity[:] = asked
     for c in range(n):
-        qd[c] = min(max(0.0, low[c]), high[c]) if bounded else 0.0
+        qd[c] = min(max(before[c], low[c]), high[c]) if bounded else 0.0
         for j in range(n):
             N[j, c] = basis[j, c]
     m = n
@@ -322,10 +398,10 @@ def _recur(  # type: ignore[no-untyped-def]
                     for c in range(n):
                         Z[j, c] = N[j, c]
                 result, _ = _serve(
-                    J, velocity, order, k, first, end, square, acts, rule, smallest, weight, level,
-                    full, Z, m, low, high, firm_low, firm_high, sided, bounded, floor, stops,
-                    int64(PLAIN), offset, errors, hessians, bends, boolean(False), count,
-                    int64(NOTHING), work, share_of, qd,
+                    J, asked, asked, velocity, order, k, first, end, square, acts, rule, smallest,
+                    weight, level, full, Z, m, low, high, firm_low, firm_high, sided, bounded,
+                    change, dt, floor, stops, int64(PLAIN), offset, errors, hessians, bends,
+                    boolean(False), count, int64(NOTHING), work, share_of, qd,
                 )  # fmt: skip
                 if result != DONE:
                     return result
@@ -336,20 +412,14 @@ def _recur(  # type: ignore[no-untyped-def]
         if m == 0:
             continue
         smallest = tolerance * math.sqrt(square)
-        full = invert(J, order, k, N[:, :n], m, rule, smallest, sides, answers, 1, B, W, U, S)
-        found = int64(NOTHING)
-        present[:m] = 0.0
-        if bounded:
-            _coordinates(N, m, weight, qd, present)
-            _fade(m, B, S, full, rule, present, answers[0])
+        full, found = _aim(
+            J, asked, feedforward, velocity, order, k, first, end, square, acts, rule, smallest,
+            weight, level, N, m, bounded, change, dt, settling, offset, errors, hessians, bends,
+            level + 1 < levels, count, qd, work,
+        )  # fmt: skip
+        if found == UNKNOWN:
+            return UNKNOWN
         if settling != PLAIN:
-            found = settle(
-                J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
-                N[:, :n], m, full, B, U, S, sides[0], present, rule, square, level + 1 < levels,
-                count, taken, rows, lengths, weights, pull, raw, A, turn, lost, answers[0],
-            )  # fmt: skip
-            if found == UNKNOWN:
-                return UNKNOWN
             keep(N[:, :n], m, B, U, S, order, k, full, 0, own_taken, own_rows, own_lengths)
         if full == 0 and found == NOTHING:
             continue
@@ -358,14 +428,15 @@ def _recur(  # type: ignore[no-untyped-def]
                 Z[j, c] = N[j, c]
         freedom = m
         if full < m:
-            reduce(N, spare, B, answers[1], full, m, n)
+            reduce(N, spare, B, answers[4], full, m, n)
         m -= full
         # Directions that are held in this level stand after those of levels above, for a while.
         lengths[count] = 0.0
         result, found = _serve(
-            J, velocity, order, k, first, end, square, acts, rule, smallest, weight, level, full,
-            Z, freedom, low, high, firm_low, firm_high, sided, bounded, floor, stops, settling,
-            offset, errors, hessians, bends, level + 1 < levels, count, found, work, share_of, qd,
+            J, asked, feedforward, velocity, order, k, first, end, square, acts, rule, smallest,
+            weight, level, full, Z, freedom, low, high, firm_low, firm_high, sided, bounded,
+            change, dt, floor, stops, settling, offset, errors, hessians, bends,
+            level + 1 < levels, count, found, work, share_of, qd,
         )  # fmt: skip
         if result != DONE:
             return result
@@ -389,6 +460,26 @@ def _recur(  # type: ignore[no-untyped-def]
                 count += 1
         if m == 0 and not bounded:
             break
+    if bounded and m > 0:
+        _coordinates(N, m, weight, qd, present)
+        square = 0.0
+        for j in range(m):
+            answers[0, j] = -present[j]
+            square += present[j] ** 2
+            for c in range(n):
+                Z[j, c] = N[j, c]
+        if square > 0.0:
+            for c in range(n):
+                order[c] = c
+            lengths[count] = 0.0
+            result, _ = _serve(
+                J, asked, asked, velocity, order, n, int64(0), asked.size, float(n), acts,
+                rules[0], 0.0, weight, int64(-1), m, Z, m, low, high, firm_low, firm_high, sided,
+                bounded, change, dt, floor, stops, int64(PLAIN), offset, errors, hessians, bends,
+                boolean(False), count, int64(NOTHING), work, share_of, qd,
+            )  # fmt: skip
+            if result != DONE:
+                return result
     for c in range(n):
         if not math.isfinite(qd[c]):
             return FAILED
@@ -448,6 +539,8 @@ def _keeps(J, velocity, low, high, sided, qd):  # type: ignore[no-untyped-def]
     int64(
         ROWS,
         COLUMN,
+        COLUMN,
+        COLUMN,
         boolean[::1],
         int64[::1],
         ROWS,
@@ -468,18 +561,24 @@ def _keeps(J, velocity, low, high, sided, qd):  # type: ignore[no-untyped-def]
         CUBE,
         COLUMN,
         COLUMN,
+        COLUMN,
+        float64,
+        COLUMN,
     ),
     cache=True,
 )
 def resolve(  # type: ignore[no-untyped-def]
-    J, velocity, acts, starts, rules, basis, tolerance, low, high, firm_low, firm_high, sided,
-    weight, work, shares, stops, settling, offset, errors, hessians, bends, qd,
+    J, asked, feedforward, velocity, acts, starts, rules, basis, tolerance, low, high, firm_low,
+    firm_high, sided, weight, work, shares, stops, settling, offset, errors, hessians, bends,
+    before, change, dt, qd,
 ):  # fmt: skip
     """Resolve levels one after the other inside the bounds.
 
     First without bounds: where that answer keeps them all it is the one. Else each level starts
-    from the velocity of those above it, the first from that nearest to standstill, and may use
-    what they leave; see `_serve`. Levels above are never touched. Least rates of one-sided rows
+    from the velocity of those above it, the first from that which the joints have, and may use
+    what they leave; see `_serve`. So a level that cannot get all of a change keeps to the way
+    from what it has to what it asks for, whatever lower levels did before. What no level uses
+    is brought to rest. Levels above are never touched. Least rates of one-sided rows
     are bounds for their own level and those below.
 
     Parameters
@@ -487,8 +586,13 @@ def resolve(  # type: ignore[no-untyped-def]
     J
         Rows (K, n): those of the n joints, which are the unit matrix, then those of all levels,
         highest first.
-    velocity
+    asked
         Desired task velocity (K,), of one-sided rows the least one.
+    feedforward
+        The part (K,) of it that is no gain term.
+    velocity
+        Result: the desired task velocity (K,) with gain terms that are small enough for the
+        joints to brake at the targets.
     acts
         Which of the rows are to have their velocity (K,); no one-sided ones.
     starts
@@ -519,6 +623,11 @@ def resolve(  # type: ignore[no-untyped-def]
     offset, errors, hessians, bends
         First row that has an error, and for the rows from there on their errors (E,), the
         second derivatives (E, n, n) of their variables, and bounds (E,) on those.
+    before
+        Velocity (n,) that the joints have; zero for those whose velocity may change at once.
+    change, dt
+        By how much the velocity of each joint may change (n,) from step to step, and the time
+        [s] of one; without limits of acceleration the time is infinite.
     qd
         Joint velocity (n,), the result.
 
@@ -529,16 +638,16 @@ def resolve(  # type: ignore[no-untyped-def]
         derivatives are needed.
     """
     result = _recur(
-        J, velocity, acts, starts, rules, basis, tolerance, boolean(False),
+        J, asked, feedforward, velocity, acts, starts, rules, basis, tolerance, boolean(False),
         low, high, firm_low, firm_high, sided, weight, work, shares, stops, settling, offset,
-        errors, hessians, bends, qd,
+        errors, hessians, bends, before, change, dt, qd,
     )  # fmt: skip
     if result != DONE or _keeps(J, velocity, low, high, sided, qd):
         return result
     return _recur(
-        J, velocity, acts, starts, rules, basis, tolerance, boolean(True),
+        J, asked, feedforward, velocity, acts, starts, rules, basis, tolerance, boolean(True),
         low, high, firm_low, firm_high, sided, weight, work, shares, stops, settling, offset,
-        errors, hessians, bends, qd,
+        errors, hessians, bends, before, change, dt, qd,
     )  # fmt: skip
 
 

@@ -18,6 +18,8 @@ SETTINGS = ((1e-8, 1e-9), (1e-10, 1e-10), (1e-12, 1e-11), (1e-7, 1e-9), (1e-6, 1
 """DAQP's ``rho_soft`` and ``primal_tol``, one after the other until an answer is proven."""
 PIVOT = 1e-3
 """DAQP's ``pivot_tol``: it refines more often than by default, and fails on fewer problems."""
+SOFT = 8
+"""DAQP's mark of a row that may be broken."""
 UNEXPLAINED = 10.0
 """Share of a level's pull, in units of ``rho_soft``, that a proof may leave unexplained."""
 
@@ -85,9 +87,10 @@ class LexicographicProblem:
         self._state = np.zeros(4, dtype=np.int64)
         # At most: the box, every row with a violation of its own, and those violations.
         most = n + 2 * rows
-        self._A = np.zeros(most * (n + rows))
-        self._least, self._most = np.zeros(most), np.zeros(most)
-        self._sense = np.zeros(most, dtype=np.intc)
+        # Twice that, with the rows that make room, see `_make_room`.
+        self._A = np.zeros(2 * most * (n + rows))
+        self._least, self._most = np.zeros((2, 2 * most))
+        self._sense = np.zeros(2 * most, dtype=np.intc)
         self._breaks = np.zeros(self._levels + 2, dtype=np.intc)
         self.stopped_joints: NDArray[np.int64] = np.full(n, -1, dtype=np.int64)
         self._stopped_rows: NDArray[np.int64] = np.full(rows, -1, dtype=np.int64)
@@ -184,6 +187,9 @@ class LexicographicProblem:
         if rows == 0:
             return np.zeros(variables)
         self.calls += 1
+        # With hard rows only there is no hierarchy.
+        breaks = self._breaks[: ends if ends > 1 else 0]
+        rows = self._make_room(rows, variables, breaks)
         guess: Vector = daqp.solve(
             None,
             None,
@@ -191,10 +197,38 @@ class LexicographicProblem:
             self._most[:rows],
             self._least[:rows],
             self._sense[:rows],
-            # With hard rows only there is no hierarchy.
-            self._breaks[: ends if ends > 1 else 0],
+            breaks,
             rho_soft=rho,
             primal_tol=tolerance,
             pivot_tol=PIVOT,
         )[0]
         return guess
+
+    def _make_room(self, rows: int, variables: int, breaks: NDArray[np.intc]) -> int:
+        """Add rows of zeros, which nothing breaks, so that DAQP has room for all rows as active.
+
+        DAQP 0.11.0 has room for as many active rows as there are variables and rows in the
+        largest level, or soft rows where there are no levels. With rows that depend on each other
+        it takes in more and writes beyond its memory, which ends the process.
+
+        Returns
+        -------
+        int
+            Number of rows with these.
+        """
+        largest = int(np.diff(breaks, prepend=0).max()) if breaks.size else 0
+        more = rows - variables - largest
+        if more <= 0:
+            self._sense[:rows] = 0
+            return rows
+        if breaks.size:
+            # All of them in one level, the last one.
+            more = rows - variables - int(breaks[-1] - breaks[-2])
+            breaks[-1] += more
+        end = rows + more
+        self._A[rows * variables : end * variables] = 0.0
+        endless = lexicographic_arrange.ENDLESS
+        self._least[rows:end], self._most[rows:end] = -endless, endless
+        self._sense[:rows] = 0
+        self._sense[rows:end] = 0 if breaks.size else SOFT
+        return end

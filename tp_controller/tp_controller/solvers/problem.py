@@ -52,6 +52,8 @@ class Bounds(NamedTuple):
     change: Vector | None = None
     """By how much velocities may change (n,) from step to step, infinite for joints without such
     a limit; None if no joint has one."""
+    before: Vector | None = None
+    """Velocities (n,) of the last step, where any joint has such a limit."""
     step: float = math.inf
     """Time [s] of one step."""
 
@@ -63,10 +65,15 @@ class Bounds(NamedTuple):
 
 
 class Curvature(NamedTuple):
-    """What settling needs to know of the rows of all levels (K,), see `settling`."""
+    """What the approach to targets and settling need to know of the rows of all levels (K,).
+
+    See `approach` and `settling`.
+    """
 
     errors: Vector
     """Errors (K,), zero for rows that have none."""
+    feedforward: Vector
+    """The part (K,) of the desired velocities that is no gain term."""
     bends: Vector
     """Bounds (K,) on the second derivatives of the variables by unit joint motions."""
     hessians: NDArray[np.float64]
@@ -78,4 +85,4 @@ class Curvature(NamedTuple):
     def none(cls, n: int) -> Curvature:
         """Nothing known: the published laws alone."""
         none = np.zeros(0)
-        return cls(none, none, np.zeros((0, n, n)), lambda: None)
+        return cls(none, none, none, np.zeros((0, n, n)), lambda: None)

@@ -72,4 +72,6 @@ class ProjectedGradientSolver(RecursiveSolver):
         assert self.objective is not None
         self.objective.climb(self._gradient)
         np.dot(self._Lt, self._gradient, out=self._velocity[self.k :])
-        return self._resolve(self._J, self._velocity, bounds, qd, curvature)
+        scale = self._resolve(self._J, self._velocity, bounds, qd, curvature)
+        velocity[:] = self._velocity[: self.k]
+        return scale
