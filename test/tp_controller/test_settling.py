@@ -205,3 +205,35 @@ def test_lower_levels_cost_higher_ones_nothing_at_any_limit(config, limit, schem
             for alone, together in zip(fewer, more, strict=False):
                 size = max(1.0, float(np.abs(alone).max()))
                 assert np.abs(together - alone).max() <= 1e-6 * size
+
+
+@pytest.mark.parametrize(
+    'scheme', [{'type': 'recursive'}, {'type': 'hqp'}], ids=['recursive', 'hqp']
+)
+@pytest.mark.parametrize('angle', [1.0, 2.0, 2.8])
+def test_a_rotation_that_cannot_be_had_converges_at_its_gain(scheme, angle):
+    """One joint turns about z, the target is turned mostly about another axis."""
+    axis = np.array([0.95, 0.0, np.sqrt(1.0 - 0.95**2)])
+    block = {
+        'rate': 100.0,
+        'robot': planar_block(0.5) | {'limits': {'acceleration': [20.0]}},
+        'solver': scheme,
+        'hierarchy': ['turn'],
+        'tasks': {
+            'turn': {
+                'type': 'orientation',
+                'frame': 'link_1',
+                'target': [*np.sin(angle / 2.0) * axis, np.cos(angle / 2.0)],
+                'gain': [3.0],
+            }
+        },
+    }
+    stack, q, commands = build_settings(block).stack, np.zeros(1), []
+    for _ in range(300):
+        commands.append(float(stack.step(q).command[0]))
+        q = q + 0.01 * commands[-1]
+    # The best that one joint can do: the quaternion's twist about z.
+    best = 2.0 * np.arctan2(np.sin(angle / 2.0) * axis[2], np.cos(angle / 2.0))
+    assert abs(q[0] - best) < 1e-3
+    rate = -np.log(commands[200] / commands[150]) / 0.5
+    assert 2.8 < rate < 3.4

@@ -16,9 +16,11 @@ from numba import boolean, float64, int64, njit, types
 from tp_controller.solvers.approach import LOWER_SHARE, SHARE, able_share
 from tp_controller.solvers.directions import STILL, gather, invert, reduce
 from tp_controller.solvers.settling import (
+    LEAVES,
     LOSES,
     NOTHING,
     UNKNOWN,
+    hasten,
     keep,
     reserve,
     settle,
@@ -131,14 +133,15 @@ def _stopper(J, start, way, low, high, sided, end, floor, held):  # type: ignore
 @njit(cache=True)
 def _aim(  # type: ignore[no-untyped-def]
     J, asked, feedforward, velocity, order, k, first, end, square, acts, rule, smallest, weight,
-    level, N, m, bounded, change, dt, settling, offset, errors, hessians, bends, followed, count,
-    start, work,
+    level, N, m, bounded, change, dt, settling, offset, errors, hessians, bends, followed, lasting,
+    count, start, work,
 ):  # fmt: skip
     """Fill ``work[6, 0]`` with a level's answer in a basis N (m, n), beyond what it has already.
 
     The velocity ``start`` (n,) is there already. What the level asks for is made small enough
     for the joints to brake at its target, see `approach`, and is then in ``velocity``. A level
-    that loses is settled.
+    that loses is settled; if what stops it is ``lasting``, no limit of acceleration, it is also
+    hastened.
 
     Returns
     -------
@@ -180,6 +183,14 @@ def _aim(  # type: ignore[no-untyped-def]
                 work[11], work[12], work[10, 1], weights, work[10, 4, :n], work[13], work[14],
                 work[15], lost, answers[3],
             )  # fmt: skip
+            if lasting and found in (NOTHING, LEAVES):
+                result = hasten(
+                    J, first, end, hessians, bends, settling == BENT, offset, N[:, :n], m, rank, B,
+                    S, lost, count, work[11], work[12], work[10, 1], weights, work[10, 4, :n],
+                    work[13], work[14], answers[3],
+                )  # fmt: skip
+                if result == UNKNOWN:
+                    return rank, result
             if found == UNKNOWN:
                 return rank, found
         if found == LOSES:
@@ -191,8 +202,10 @@ def _aim(  # type: ignore[no-untyped-def]
             for i in range(k):
                 sides[0, i] -= excess * sides[1, i]
                 velocity[int(order[i])] -= excess * sides[1, i]
-            for j in range(m):
-                answers[0, j] -= excess * answers[1, j]
+        if found == LOSES:
+            answers[3] = answers[1]
+        for j in range(m):
+            answers[0, j] += (1.0 - excess) * answers[3, j] - answers[1, j]
     if settling == PLAIN:
         return rank, NOTHING
     if found == LOSES:
@@ -320,7 +333,7 @@ def _serve(  # type: ignore[no-untyped-def]
             full, found = _aim(
                 J, asked, feedforward, velocity, order, k, first, end, square, acts, rule,
                 smallest, weight, level, Z, freedom, bounded, change, dt, settling, offset, errors,
-                hessians, bends, followed, d + 1, base, work,
+                hessians, bends, followed, ranged, d + 1, base, work,
             )  # fmt: skip
             if found == UNKNOWN:
                 return UNKNOWN, found
@@ -415,7 +428,7 @@ def _recur(  # type: ignore[no-untyped-def]
         full, found = _aim(
             J, asked, feedforward, velocity, order, k, first, end, square, acts, rule, smallest,
             weight, level, N, m, bounded, change, dt, settling, offset, errors, hessians, bends,
-            level + 1 < levels, count, qd, work,
+            level + 1 < levels, boolean(True), count, qd, work,
         )  # fmt: skip
         if found == UNKNOWN:
             return UNKNOWN

@@ -30,6 +30,10 @@ FLAT = 1e-3
 """Least second derivative, as a share of the rows' mean square, that a Newton step divides by."""
 IDLE = 1e-5
 """A step that lessens the lost square by a smaller share than this is not worth a motion."""
+SLOW = 0.1
+"""A curvature below this share of s² makes no level slow."""
+LONGEST = 10.0
+"""By how much a step is lengthened at most where a level loses less along it."""
 FREE = 1e-5
 """From this curvature on, as a share of the rows' mean square, lower levels get no freedom."""
 SHORT = 1e-6
@@ -323,6 +327,53 @@ def settle(  # type: ignore[no-untyped-def]
         for a in range(m):
             answer[a] += step * W[i, a]
     return LOSES
+
+
+@njit(cache=True)
+def hasten(  # type: ignore[no-untyped-def]
+    J, first, end, hessians, bends, known, offset, N, m, rank, B, S, lost, count, taken, rows,
+    lengths, weights, pull, raw, A, answer,
+):  # fmt: skip
+    """Lengthen a level's answer (m,) along directions that it has and in which it loses less.
+
+    Where a level loses, and moves regular directions of its own, Gauss's step takes the way to the
+    optimum for too short where the curvature of what is lost is negative, as that of a large
+    rotation is: the level would come to rest at a fraction of its gain.
+
+    Returns
+    -------
+    int
+        `NOTHING`, or `UNKNOWN`.
+    """
+    if first < offset or end - offset > bends.size or rank == 0:
+        return NOTHING
+    own, least = 0.0, math.inf
+    for r in range(first, end):
+        own += abs(lost[r]) * bends[r - offset]
+    for i in range(rank):
+        least = min(least, S[i])
+    if own <= SLOW * least * least:
+        return NOTHING
+    if not known:
+        return UNKNOWN
+    weights[:] = 0.0
+    for r in range(first, end):
+        weights[r] = lost[r]
+    _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull)
+    _curvature(weights, end, hessians, offset, N, m, raw, A)
+    for i in range(rank):
+        bend = along = 0.0
+        for a in range(m):
+            along += B[i, a] * answer[a]
+            for b in range(m):
+                bend += B[i, a] * A[a, b] * B[i, b]
+        bend *= min(1.0, own / (SLOW * least * least) - 1.0)
+        if bend >= 0.0:
+            continue
+        longer = min(S[i] * S[i] / max(S[i] * S[i] + bend, FLAT * S[i] * S[i]), LONGEST) - 1.0
+        for a in range(m):
+            answer[a] += longer * along * B[i, a]
+    return NOTHING
 
 
 @njit(cache=True)
