@@ -18,9 +18,8 @@ setup:
 demo: setup
 	@source ./setup.bash && install/tp_sim/lib/tp_sim/demo --config $(CONFIG) --out out/demo
 
-# Tests of nodes wait more than they compute: one worker more than there are cores.
 test: setup
-	@source ./setup.bash && python -m pytest -n $$(($$(nproc) + 1)) --dist loadfile $(PYTEST_ARGS)
+	@source ./setup.bash && python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
 
 lint: setup
 	@source ./setup.bash && ruff check && ruff format --check && mypy && python tools/check_packages.py

@@ -36,7 +36,7 @@ def errors_of(stack, task, q, steps):
 
 
 @given(states(3), vectors(3, 2), positive_vectors(3, 1.0, 20.0), numbers(1.0, 50.0))
-@examples(60)
+@examples(25)
 def test_no_joint_goes_beyond_its_target(q, target, acceleration, gain):
     stack = build_settings(posture([gain], acceleration, target)).stack
     errors = errors_of(stack, 'posture', np.array(q), 1500)
@@ -56,7 +56,7 @@ def test_joints_go_beyond_their_targets_by_the_published_law_alone():
 
 
 @given(positive_vectors(3, 10.0, 50.0), positive_vectors(3, 2.0, 20.0), vectors(3, 1))
-@examples(40)
+@examples(15)
 def test_with_different_gains_every_row_gets_to_its_target(gains, acceleration, target):
     stack = build_settings(posture(gains, acceleration, target)).stack
     errors = errors_of(stack, 'posture', np.zeros(3), 1500)
