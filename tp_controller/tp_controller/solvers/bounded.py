@@ -75,7 +75,8 @@ class BoundedRecursion:
         self.shares = self._shares[1:]
         self._verdicts = self._work[kernel.VERDICTS][1 : len(starts)]
         self.scale = 1.0
-        self._still, self._unlimited = np.zeros(n), np.full(n, np.inf)
+        self._before, self._still = np.zeros((2, n))
+        self._unlimited = np.full(n, np.inf)
         self._flat = Curvature.none(n)
 
     @property
@@ -135,7 +136,9 @@ class BoundedRecursion:
         if bounds.change is not None and bounds.before is not None:
             change = bounds.change
             if self._holds_joints:
-                np.copyto(before, bounds.before, where=np.isfinite(change))
+                # Joints without such a limit start from standstill.
+                before = self._before
+                np.multiply(bounds.before, np.isfinite(change), out=before)
             if known is not self._flat:
                 step = bounds.step
         return self._kernel.resolve(
