@@ -164,3 +164,25 @@ def test_a_change_of_the_hierarchy_leaves_tasks_that_stay_as_they_are(how):
         assert ranges.on[row]
     stack.hierarchy = ['hand']
     assert not ranges.active
+
+
+def test_a_limit_of_acceleration_that_is_lifted_leaves_no_old_velocity_behind():
+    """Without one a step starts from standstill, whatever the arm did before."""
+    speeds = {'velocity': [1.0], 'position_min': [-2.0], 'position_max': [2.0]}
+    levels = {'hierarchy': ['hand', 'rest'], 'rate': 100.0}
+    levels['tasks'] = {
+        'hand': {'type': 'position', 'frame': 'link_3', 'axes': 'xy', 'target': [0.5, 1.2]}
+        | {'gain': [20.0]},
+        'rest': {'type': 'posture', 'target': [-1.5, 1.5, -1.5], 'gain': [20.0]},
+    }
+    lifted, fresh = (
+        build_settings(levels | {'robot': planar_block(0.8, 0.6, 0.4) | {'limits': limits}}).stack
+        for limits in (speeds | {'acceleration': [5.0]}, speeds)
+    )
+    q = Q.copy()
+    for _ in range(20):
+        q = q + 0.01 * lifted.step(q).command
+    lifted.prepare_limits(fresh.robot.limits)()
+    command = lifted.step(q).command
+    assert np.abs(command).max() == 1.0
+    np.testing.assert_array_equal(command, fresh.step(q).command)
