@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import daqp
 import numpy as np
 from numpy.typing import NDArray
@@ -216,19 +218,18 @@ class LexicographicProblem:
         int
             Number of rows with these.
         """
-        largest = int(np.diff(breaks, prepend=0).max()) if breaks.size else 0
-        more = rows - variables - largest
-        if more <= 0:
-            self._sense[:rows] = 0
+        ends = breaks.tolist()
+        sizes = [end - start for start, end in pairwise([0, *ends])]
+        self._sense[:rows] = 0
+        if rows <= variables + max(sizes, default=0):
             return rows
-        if breaks.size:
-            # All of them in one level, the last one.
-            more = rows - variables - int(breaks[-1] - breaks[-2])
+        # All of them in the last level.
+        more = rows - variables - (sizes[-1] if sizes else 0)
+        if sizes:
             breaks[-1] += more
         end = rows + more
         self._A[rows * variables : end * variables] = 0.0
         endless = lexicographic_arrange.ENDLESS
         self._least[rows:end], self._most[rows:end] = -endless, endless
-        self._sense[:rows] = 0
-        self._sense[rows:end] = 0 if breaks.size else SOFT
+        self._sense[rows:end] = 0 if sizes else SOFT
         return end
