@@ -51,43 +51,37 @@ def test_errors_at_0_5_and_10_seconds_are_the_published_ones(config, name, goals
             assert found[2] == pytest.approx(expected[2], abs=tolerance)
 
 
-@pytest.mark.parametrize(('gain', 'seconds'), [(1.0, 4.27), (3.0, 1.92), (6.0, 1.42)])
-def test_a5_higher_gains_settle_in_the_published_times(config, gain, seconds):
+def test_a5_a_higher_gain_settles_in_the_published_time(config):
     with ClosedLoop(config / 'a5_link_orientation.yaml') as loop:
-        loop.set_parameters({'tasks.ee_position.gain': [gain]})
+        loop.set_parameters({'tasks.ee_position.gain': [6.0]})
         loop.clear_record()
-        loop.run(6.0)
+        loop.run(2.0)
         settled = loop.record.time_below('ee_position', 0.01)
-    assert settled == pytest.approx(seconds, abs=0.02)
+    assert settled == pytest.approx(1.42, abs=0.02)
 
 
-@pytest.mark.parametrize('with_feedforward', [True, False])
-def test_a5_tracking_error_vanishes_only_with_the_matching_feedforward(config, with_feedforward):
+def test_a5_tracking_error_vanishes_with_the_matching_feedforward(config):
+    """Without it, the error is velocity / gain: see the experiments on the library."""
     velocity = np.array([-0.05, 0.08])
     start = np.array([1.0, 0.5])
     with ClosedLoop(config / 'a5_link_orientation.yaml') as loop:
         loop.set_parameters({'solver.damping': 0.0})
         loop.run(4.0)
-        for step in range(240):
+        for step in range(90):
             loop.send_goal('ee_position', start + velocity * step / 60.0)
-            if with_feedforward:
-                loop.send_feedforward('ee_position', velocity)
+            loop.send_feedforward('ee_position', velocity)
             loop.step()
         lag = loop.record.error_norm['ee_position'][-1]
-    if with_feedforward:
-        assert lag < 2e-3
-    else:
-        # In the steady state the error is velocity / gain.
-        assert lag == pytest.approx(np.linalg.norm(velocity) / 3.0, rel=0.1)
+    assert lag < 2e-3
 
 
 def test_two_runs_are_equal_to_the_last_bit(config):
     records = []
     for _ in range(2):
         with ClosedLoop(config / 'a4_position_joint.yaml') as loop:
-            loop.run(1.0)
+            loop.run(0.5)
             loop.send_goal('ee_position', [0.3, 1.2])
-            loop.run(2.0)
+            loop.run(0.5)
             records.append(loop.record)
     assert np.array_equal(records[0].q, records[1].q)
     assert np.array_equal(records[0].qd, records[1].qd)

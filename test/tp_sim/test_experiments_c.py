@@ -10,52 +10,31 @@ from tp_sim.demo.script import Leg, read_script
 from tp_sim.harness import ClosedLoop
 
 
-@pytest.mark.parametrize(
-    ('scheme', 'tip', 'last_link'), [('recursive', 0.0, 0.305), ('augmented', 0.151, 0.149)]
-)
-def test_c1_errors_at_the_algorithmic_singularity(config, scheme, tip, last_link):
-    changes = {'tp_controller': {'solver': {'type': scheme}}}
-    with ClosedLoop(config / 'c1_algorithmic_singularity.yaml', changes) as loop:
+def test_c1_the_explanation_tells_whose_freedom_the_lower_level_needs(config):
+    with ClosedLoop(config / 'c1_algorithmic_singularity.yaml') as loop:
         loop.send_goal('tip', [3.3, 1.0])
         loop.run(20.0)
         record = loop.record
         levels = {tuple(level.tasks): level for level in loop.state.levels}
-    if scheme == 'recursive':
-        # The explanation: the freedom that the lower level needs is that of the upper one.
-        blocked = levels['last_link',]
-        assert list(blocked.blocked_by) == ['tip']
-        assert blocked.shortfall == pytest.approx(2.0 * last_link, abs=5e-3)
-        assert blocked.text == f'{blocked.lost_to_levels[0]:.3g} to tip'
-        assert levels['tip',].shortfall < 1e-6
-    else:
-        assert not levels
-    assert record.error_norm['tip'][-1] == pytest.approx(tip, abs=5e-4)
-    assert record.error_norm['last_link'][-1] == pytest.approx(last_link, abs=5e-4)
+    blocked = levels['last_link',]
+    assert list(blocked.blocked_by) == ['tip']
+    assert blocked.shortfall == pytest.approx(0.61, abs=5e-3)
+    assert blocked.text == f'{blocked.lost_to_levels[0]:.3g} to tip'
+    assert levels['tip',].shortfall < 1e-6
+    assert record.error_norm['tip'][-1] == pytest.approx(0.0, abs=5e-4)
+    assert record.error_norm['last_link'][-1] == pytest.approx(0.305, abs=5e-4)
 
 
-def test_c2_the_tip_goes_round_while_the_macro_joints_stay_still(config):
+def test_c2_the_tip_follows_the_circle_while_the_macro_joints_stay_still(config):
+    """A quarter of the circle; the rest is on the library."""
     path = config / 'c2_macro_micro.yaml'
     with ClosedLoop(path) as loop:
         leg = Leg(loop, read_script(path).goals[0])
-        leg.run(loop, 5.0)
+        leg.run(loop, 1.25)
         record = loop.record
     assert leg.reached(1e-3)
     assert np.abs(record.q[:, :2] - record.q[0, :2]).max() < 1e-6
     assert np.ptp(record.q[:, 2:], axis=0).min() > 0.1
-
-
-@pytest.mark.parametrize(('scheme', 'drift'), [('recursive', 0.0089), ('extended_jacobian', 0.0)])
-def test_c3_only_the_pseudo_inverse_drifts_in_one_cycle(config, scheme, drift):
-    """At 100 Hz, where the drift is a little smaller than the published one at 1 kHz."""
-    path = config / 'c3_repeatability.yaml'
-    changes = {'tp_sim': {'rate': 100.0}, 'tp_controller': {'solver': {'type': scheme}}}
-    with ClosedLoop(path, changes) as loop:
-        leg = Leg(loop, read_script(path).goals[0])
-        leg.run(loop, 2.0 * np.pi)
-        record = loop.record
-    share = (2.0 * np.pi - record.time[-2]) / (record.time[-1] - record.time[-2])
-    end = (1.0 - share) * record.q[-2] + share * record.q[-1]
-    assert np.linalg.norm(end - record.q[0]) == pytest.approx(drift, abs=4e-4)
 
 
 def run_compare(*arguments):

@@ -16,7 +16,7 @@ from tp_sim.plant import Plant, PlantSettings
 from tp_sim.settings import build_simulator_settings
 from tp_sim.stress import declaration, run
 
-STEPS = 6000
+STEPS = 4000
 SCHEMES = [name for name in SOLVER_TYPES if name != 'extended_jacobian']
 """All but the square one, which takes no rows that come and go."""
 OBJECTIVE = {'solver.objective.type': 'posture', 'solver.objective.positions': [0.0] * 3}
@@ -58,7 +58,7 @@ def test_the_panda_among_obstacles_never_touches_one_or_itself(config):
 @pytest.mark.parametrize('saturation', ['uniform', 'null_space'])
 def test_both_saturations_keep_the_limits_and_hardly_ever_need_the_last_check(config, saturation):
     values, start = parameters(config / 'b3_pressed.yaml')
-    seen = run(values | {'solver.saturation': saturation}, start, 3 * STEPS)
+    seen = run(values | {'solver.saturation': saturation}, start, 2 * STEPS)
     assert not seen.broken
     assert seen.braked < 0.02 * seen.steps
     assert seen.activations > 10

@@ -11,15 +11,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types, void
+from numba import boolean, float64, int64, njit, void
+
+from tp_controller.array_types import COLUMN, FIXED
 
 ROUNDING = 1e-9
 """Distance [rad, m] from the end of a range at which a joint stops."""
 RETURN = 0.1
 """Share of its velocity limit at which a joint that is out of its range comes back."""
-
-COLUMN = float64[::1]
-FIXED = types.Array(float64, 1, 'C', readonly=True)
 
 
 @njit(float64(float64, float64, float64), cache=True)

@@ -12,11 +12,10 @@ from __future__ import annotations
 
 import math
 
-from numba import boolean, float64, int64, njit, types, void
+from numba import boolean, float64, int64, njit, void
 
-COLUMN = float64[::1]
-FIXED = types.Array(float64, 1, 'C', readonly=True)
-ROWS = float64[:, ::1]
+from tp_controller.array_types import COLUMN, FIXED, ROWS
+
 SLIVER = 1e-6
 """Times [steps] that differ by less are the same."""
 

@@ -22,13 +22,13 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, njit, types, void
+from numba import float64, njit, void
 from numpy.typing import NDArray
+
+from tp_controller.array_types import COLUMN, FIXED
 
 Vector = NDArray[np.float64]
 
-COLUMN = float64[::1]
-FIXED = types.Array(float64, 1, 'C', readonly=True)
 RIDGE = 1e-12
 """Keeps the normal equations solvable where a column is zero."""
 LAGS = 10

@@ -11,8 +11,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types, void
+from numba import boolean, float64, int64, njit, void
 from numpy.typing import NDArray
+
+from tp_controller.array_types import COLUMN, FIXED, ROWS
 
 Vector = NDArray[np.float64]
 
@@ -39,10 +41,6 @@ DIRECTION, EXTREME, TURNED, TURNED_AT, COUNT, BEGAN = range(6)
 """Rows of the state: +1 rising, -1 falling, 0 unknown; the extreme since the last turning point;
 value and time of that; reversals in a row; when the first of them was."""
 STATES = 6
-
-FIXED = types.Array(float64, 1, 'C', readonly=True)
-COLUMN = float64[::1]
-ROWS = float64[:, ::1]
 
 
 @njit(

@@ -3,14 +3,12 @@
 Importing this module compiles it, or loads what an earlier process compiled.
 """
 
-from numba import boolean, float64, njit, types
+from numba import boolean, njit
 
-_ROWS = float64[:, ::1]
-_COLUMN = float64[::1]
-_FIXED = types.Array(float64, 1, 'C', readonly=True)
+from tp_controller.array_types import COLUMN, FIXED, ROWS
 
 
-@njit([boolean(_FIXED, _ROWS, _ROWS, _COLUMN, _COLUMN, _COLUMN)], cache=True)
+@njit([boolean(FIXED, ROWS, ROWS, COLUMN, COLUMN, COLUMN)], cache=True)
 def lower_bounds(q, anchor, reach, known, threshold, lower):  # type: ignore[no-untyped-def]
     """Fill lower bounds (p,) from distances known elsewhere; whether any is below its threshold.
 

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from numba import float64, int64, njit, types, void
 
-TWISTS = types.Array(float64, 2, 'A', readonly=True)
+from tp_controller.array_types import FIXED_ROWS
+
 PLACES = types.Array(int64, 1, 'C', readonly=True)
 
 
-@njit(void(TWISTS, PLACES, float64[:, :, ::1]), cache=True)
+@njit(void(FIXED_ROWS, PLACES, float64[:, :, ::1]), cache=True)
 def chain_hessian(jacobian, chain, out):  # type: ignore[no-untyped-def]
     """Fill the derivative of a Jacobian by the joints.
 

@@ -8,14 +8,11 @@ from __future__ import annotations
 
 import math
 
-from numba import boolean, float64, int64, njit, types, void
+from numba import boolean, float64, int64, njit, void
 
+from tp_controller.array_types import COLUMN, FIXED, ROWS
 from tp_controller.solvers.kernel import DONE, resolve
 from tp_controller.solvers.settling import UNKNOWN
-
-ROWS = float64[:, ::1]
-COLUMN = float64[::1]
-FIXED = types.Array(float64, 1, 'C', readonly=True)
 
 ROUNDING = 1e-9
 """A joint that is nearer [rad/s, m/s] to its bound is at it."""

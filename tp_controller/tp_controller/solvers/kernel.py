@@ -11,8 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types
+from numba import boolean, float64, int64, njit
 
+from tp_controller.array_types import COLUMN, CUBE, FIXED, ROWS
 from tp_controller.solvers.approach import LOWER_SHARE, SHARE, able_share
 from tp_controller.solvers.directions import STILL, gather, invert, reduce
 from tp_controller.solvers.settling import (
@@ -44,11 +45,6 @@ FAILED, DONE = 0, 1
 
 VERDICTS = (10, 9)
 """Row of the workspace that tells what `settle` found last in every level."""
-
-ROWS = float64[:, ::1]
-CUBE = float64[:, :, ::1]
-COLUMN = float64[::1]
-FIXED = types.Array(float64, 1, 'C', readonly=True)
 
 
 @njit(cache=True)

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 
-from numba import boolean, float64, int32, int64, njit
+from numba import boolean, int32, int64, njit
 
+from tp_controller.array_types import COLUMN, CUBE, ROWS
 from tp_controller.solvers.directions import STILL
-from tp_controller.solvers.kernel import COLUMN, ROWS
 
 ENDLESS = 1e30
 """What DAQP takes for infinity."""
@@ -26,7 +26,6 @@ LOOSE = 1e-8
 
 CHOICES = boolean[::1]
 PLACES = int64[::1]
-WORK = float64[:, :, ::1]
 
 
 @njit(cache=True)
@@ -137,7 +136,7 @@ def _mixed(J, starts, one_sided, N, m, level, spare):  # type: ignore[no-untyped
 
 @njit(
     int64(
-        ROWS, COLUMN, PLACES, CHOICES, COLUMN, COLUMN, WORK, PLACES,
+        ROWS, COLUMN, PLACES, CHOICES, COLUMN, COLUMN, CUBE, PLACES,
         COLUMN, COLUMN, COLUMN, int32[::1],
     ),
     cache=True,

@@ -7,13 +7,12 @@ import math
 import numpy as np
 from numba import boolean, float64, njit
 
+from tp_controller.array_types import COLUMN, CUBE, ROWS
 from tp_controller.solvers.directions import STILL, invert, reduce
-from tp_controller.solvers.kernel import COLUMN, ROWS
 from tp_controller.solvers.lexicographic_arrange import (
     CHOICES,
     PLACES,
     SHORT,
-    WORK,
     along,
     seen,
     squared,
@@ -29,7 +28,7 @@ INDEPENDENT = 1e-10
 UNDAMPED = np.array([0.0, math.inf])
 
 
-@njit(boolean(ROWS, COLUMN, ROWS, WORK, PLACES, PLACES, PLACES), cache=True)
+@njit(boolean(ROWS, COLUMN, ROWS, CUBE, PLACES, PLACES, PLACES), cache=True)
 def begin(J, velocity, basis, work, state, joints, rows):  # type: ignore[no-untyped-def]
     """Settle nothing yet: x = 0 and all of the freedom; return whether the rows are finite.
 
@@ -169,7 +168,7 @@ def _step(J, order, k, right, smallest, x, N, m, spare, answers, B, W, U, S):  #
 @njit(
     boolean(
         ROWS, COLUMN, PLACES, CHOICES, COLUMN, COLUMN, COLUMN, float64, float64,
-        WORK, PLACES, PLACES, PLACES, COLUMN,
+        CUBE, PLACES, PLACES, PLACES, COLUMN,
     ),
     cache=True,
 )  # fmt: skip

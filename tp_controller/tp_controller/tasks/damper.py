@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import math
 
-from numba import boolean, float64, int64, njit, types, void
+from numba import boolean, float64, int64, njit, void
 
-ROWS = float64[:, ::1]
-COLUMN = float64[::1]
-FIXED = types.Array(float64, 1, 'C', readonly=True)
-FIXED_ROWS = types.Array(float64, 2, 'A', readonly=True)
+from tp_controller.array_types import COLUMN, FIXED, FIXED_ROWS, ROWS
 
 
 @njit(void(COLUMN, ROWS, COLUMN, float64, boolean[::1], COLUMN, ROWS), cache=True)
