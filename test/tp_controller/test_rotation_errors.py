@@ -6,15 +6,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_stacks import examples, nonzero_vectors, numbers, vectors
 from references import about, heading, quaternion_rotation, rotation, rotation_vector
+from rotation_errors import heading_row, rotation_error
 from small_arms import planar_robot, wrist
 
 from tp_controller.rotations import (
     heading as library_heading,
 )
 from tp_controller.rotations import (
-    heading_rows,
     quaternion_from_rotation,
-    rotation_error,
     rotation_from_quaternion,
     wrap,
 )
@@ -173,7 +172,7 @@ def test_the_heading_is_the_angle_of_the_image_in_the_plane(vector, axis):
 @pytest.mark.parametrize('axis', range(3))
 def test_the_heading_rate_is_the_spin_where_the_heading_has_no_derivative(axis):
     letter = 'xyz'[(axis + 2) % 3]
-    row = heading_rows(about(letter, math.pi / 2), axis)
+    row = heading_row(about(letter, math.pi / 2), axis)
     assert np.all(np.isfinite(row))
     np.testing.assert_array_equal(row, np.eye(3)[axis])
 

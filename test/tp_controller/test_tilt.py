@@ -8,9 +8,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from random_stacks import examples, nonzero_vectors, numbers, vectors
 from references import about, quaternion_rotation, rotation
+from rotation_errors import tilt_error
 from small_arms import wrist
 
-from tp_controller.rotations import quaternion_from_rotation, tilt_error
+from tp_controller.rotations import quaternion_from_rotation
 from tp_controller.tasks import OrientationTask
 
 H = 1e-6

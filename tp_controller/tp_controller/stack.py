@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
-from typing import NamedTuple, NoReturn
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from tp_controller.robot import Limits, Robot
 from tp_controller.safety_filter import SafetyFilter
 from tp_controller.solvers import Bounds, Curvature, Solver
 from tp_controller.tasks import SetBasedTask, Task
+
+if TYPE_CHECKING:
+    from tp_controller.tasks.compiled import CompiledRows
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -137,7 +140,7 @@ class Stack:
         for task in self.tasks.values():
             if task not in stays:
                 task.leave()
-                task.place(np.zeros_like(task.J))
+                task.place(np.zeros_like(task.J), np.zeros(task.k))
         self._members = members
         self._rows: dict[str, slice] = {}
         k = 0
@@ -148,14 +151,17 @@ class Stack:
         self._J = np.zeros((k, self.robot.n))
         self._velocity, self._achieved = np.zeros(k), np.zeros(k)
         self._errors, self._feedforward = np.zeros((2, k))
-        self._parts = [
-            (self.tasks[name], self._velocity[rows], self._errors[rows])
-            for name, rows in self._rows.items()
-        ]
-        for task, _, _ in self._parts:
-            task.place(self._J[self._rows[task.name]])
-        self._bounding = [task for task, _, _ in self._parts if isinstance(task, SetBasedTask)]
-        bends = [np.zeros(task.k) if task.set_based else task.bend for task, _, _ in self._parts]
+        self._ranked = [self.tasks[name] for name in self._rows]
+        self._own: list[tuple[Task, Vector, Vector]] = []
+        for task in self._ranked:
+            rows = self._rows[task.name]
+            # Rows that come and go have no error that anything converges to.
+            task.place(self._J[rows], np.zeros(task.k) if task.set_based else self._errors[rows])
+            if not task.parts:
+                self._own.append((task, self._velocity[rows], self._feedforward[rows]))
+        self._compiled: CompiledRows | None = None
+        self._bounding = [task for task in self._ranked if isinstance(task, SetBasedTask)]
+        bends = [np.zeros(task.k) if task.set_based else task.bend for task in self._ranked]
         self._curvature = Curvature(
             self._errors,
             self._feedforward,
@@ -193,7 +199,7 @@ class Stack:
 
         Obstacles stay where they are. To be called before the first step.
         """
-        for task, _, _ in self._parts:
+        for task in self._ranked:
             if not task.set_based and task.target_size:
                 task.forget_target()
 
@@ -250,12 +256,11 @@ class Stack:
     def _jacobian_at(self, q: Vector) -> Matrix:
         """Stacked Jacobian (K, n) after the robot was moved to ``q`` (n,)."""
         self.robot.update(q)
-        for task, _, _ in self._parts:
-            task.update()
+        self._fill()
         return self._J
 
     def _fill_hessians(self) -> None:
-        for task, _, _ in self._parts:
+        for task in self._ranked:
             if not task.set_based:
                 task.hessian(self._curvature.hessians[self._rows[task.name]])
 
@@ -291,8 +296,8 @@ class Stack:
     def systems(self) -> list[System]:
         """What every level was in the last step."""
         counts = np.repeat(
-            [not task.one_sided for task, _, _ in self._parts],
-            [task.k for task, _, _ in self._parts],
+            [not task.one_sided for task in self._ranked],
+            [task.k for task in self._ranked],
         )
         answered = self._J @ self._wish
         found = []
@@ -371,13 +376,7 @@ class Stack:
             with np.errstate(over='ignore', invalid='ignore'):
                 bounds = self.safety_filter.bounds()
                 self._expect(bounds)
-                for task, velocity, error in self._parts:
-                    task.update()
-                    task.desired_velocity(velocity)
-                    if not task.set_based:
-                        error[:] = task.error
-                if bounds.change is not None:
-                    self._tell_feedforward()
+                self._fill()
                 scale = self.solver.solve(
                     self._J,
                     self._velocity,
@@ -396,12 +395,25 @@ class Stack:
         np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
 
-    def _tell_feedforward(self) -> None:
-        """Tell the solver which part of the desired velocities is no gain term."""
-        for task, velocity, _ in self._parts:
+    def _fill(self) -> None:
+        """Fill the rows of all tasks at the robot's present configuration."""
+        if self._compiled is None:
+            from tp_controller.tasks.compiled import CompiledRows
+
+            self._compiled = CompiledRows(
+                self.robot,
+                [(task, self._rows[task.name].start) for task in self._ranked],
+                self._J,
+                self._errors,
+                self._feedforward,
+                self._velocity,
+            )
+        self._compiled.fill()
+        for task, velocity, feedforward in self._own:
+            task.update()
+            task.desired_velocity(velocity)
             # Of rows without an error there is nothing to approach.
-            part = velocity if task.set_based else task.settings[1]
-            self._feedforward[self._rows[task.name]] = part
+            feedforward[:] = velocity if task.set_based else task.settings[1]
 
     def _expect(self, bounds: Bounds) -> None:
         """Tell tasks which speeds the next step can have."""

@@ -91,11 +91,18 @@ class Robot:
         self._q = np.zeros(self.n)
         # Without a coupling the model's configuration is the robot's own.
         self._q_model = self._q if coupling is None else np.zeros(model.nq)
+        self._stamp = np.zeros(1, dtype=np.int64)
         self._frames = {
-            frame.name: Frame(model, self._data, i, coupling)
+            frame.name: Frame(model, self._data, i, coupling, self._stamp)
             for i, frame in enumerate(model.frames)
             if frame.type in LINKS
         }
+        # Views into Pinocchio's data: they follow every update without a call.
+        self.twists: Matrix = self._data.J.reshape(6, -1, order='F').T
+        """Twist (m, 6) [v; ω] of every joint of the model per unit of its speed, in the base
+        frame, of the last update."""
+        self.poses = _poses(self._data)
+        """Columns of the rotation, then position [m] (nf, 4, 3) of every frame of the model."""
         self.base: Frame = Frame.standing(base_frame, self.n)
         """The base frame itself, which never moves."""
         self._lines = lines
@@ -217,8 +224,7 @@ class Robot:
         self._take(q)
         pin.computeJointJacobians(self._model, self._data, self._q_model)
         pin.updateFramePlacements(self._model, self._data)
-        for frame in self._frames.values():
-            frame.moved()
+        self._stamp += 1
 
     def place(self, q: Vector) -> None:
         """Move every frame to ``q`` (n,) [rad, m], positions only.
@@ -235,6 +241,16 @@ class Robot:
             self._q_model += self.coupling.offset
 
 
+def _poses(data: pin.Data) -> NDArray[np.float64]:
+    """View (nf, 4, 3) of the poses, which Pinocchio keeps one after the other."""
+    size = len(data.oMf)
+    first = data.oMf[0].rotation.T
+    poses = np.lib.stride_tricks.as_strided(first, (size, 4, 3), (96, 24, 8))
+    if not np.shares_memory(poses[-1, 3], data.oMf[size - 1].translation):
+        raise RuntimeError('this Pinocchio keeps poses in another way')
+    return poses
+
+
 def _products(S: Matrix, bounds: Vector) -> Matrix:
     """Every ``|S_ij| bounds_j``, where nothing times an infinite bound is nothing."""
     shares = np.zeros_like(S)
@@ -246,15 +262,22 @@ class Frame:
     """Pose and Jacobian of one frame at the robot's present configuration."""
 
     def __init__(
-        self, model: pin.Model, data: pin.Data, index: int, coupling: Coupling | None = None
+        self,
+        model: pin.Model,
+        data: pin.Data,
+        index: int,
+        coupling: Coupling | None,
+        stamp: NDArray[np.int64],
     ) -> None:
         self.name: str = model.frames[index].name
         self._model = model
         self._data = data
         self.index = index
         self._coupling = coupling
-        self._jacobian: Matrix | None = None
-        self._hessian: NDArray[np.float64] | None = None
+        self._stamp = stamp
+        self._jacobian: Matrix = np.zeros((6, 0))
+        self._hessian: NDArray[np.float64] = np.zeros((6, 0, 0))
+        self._jacobian_stamp = self._hessian_stamp = -1
         self._own_chain: NDArray[np.int64] | None = None
         # Views into Pinocchio's data: they follow every update without a call.
         pose = data.oMf[index]
@@ -269,25 +292,27 @@ class Frame:
     def standing(cls, name: str, n: int) -> Frame:
         """Frame at the origin that none of the n joints moves."""
         model = pin.Model()
-        frame = cls(model, model.createData(), 0)
+        frame = cls(model, model.createData(), 0, None, np.zeros(1, dtype=np.int64))
         frame.name = name
         frame._jacobian = np.zeros((6, n))
         frame._hessian = np.zeros((6, n, n))
+        frame._jacobian_stamp = frame._hessian_stamp = 0
         return frame
 
     @property
     def jacobian(self) -> Matrix:
         """Jacobian (6, n) to the frame's twist [v; ω], both in the base frame; read-only."""
-        if self._jacobian is None:
+        if self._jacobian_stamp != self._stamp[0]:
             jacobian = self.model_jacobian()
             self._jacobian = jacobian if self._coupling is None else jacobian @ self._coupling.S
             self._jacobian.flags.writeable = False
+            self._jacobian_stamp = int(self._stamp[0])
         return self._jacobian
 
     @property
     def hessian(self) -> NDArray[np.float64]:
         """Derivative (6, n, n) of the Jacobian by the joints, the last index; read-only."""
-        if self._hessian is None:
+        if self._hessian_stamp != self._stamp[0]:
             # Compiled, or loaded, for those that need it.
             from tp_controller.robot.curvature import chain_hessian
 
@@ -301,6 +326,7 @@ class Frame:
                 hessian = np.einsum('rij,ik,jl->rkl', hessian, S, S)
             self._hessian = hessian
             self._hessian.flags.writeable = False
+            self._hessian_stamp = int(self._stamp[0])
         return self._hessian
 
     def chain(self, reference: Frame | None = None) -> NDArray[np.int64]:
@@ -317,7 +343,3 @@ class Frame:
         )
         # A single column arrives as a vector.
         return jacobian.reshape(6, -1)
-
-    def moved(self) -> None:
-        """Forget what belongs to the configuration before."""
-        self._jacobian = self._hessian = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, NoReturn
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,10 @@ from tp_controller.errors import InvalidValue, plural, shown
 from tp_controller.parameters import NUMBER, NUMBERS, REQUIRED, TEXT, Parameter
 from tp_controller.robot import Limits, Robot
 from tp_controller.solvers.inverses import INVERSES, Inverse
+
+if TYPE_CHECKING:
+    from tp_controller.tasks.compiled import CompiledRows
+    from tp_controller.tasks.parts import Part
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -80,6 +84,8 @@ class Task(ABC):
         Its share in a weighted sum of all tasks.
     period
         Time [s] of one step, which gains are judged by; infinite if unknown.
+    revision
+        Goes up whenever target, gain or feedforward are set.
     """
 
     type: ClassVar[str]
@@ -110,6 +116,8 @@ class Task(ABC):
         self._K: Matrix = np.eye(self.k)
         self._feedforward: Vector = np.zeros(self.k)
         self._target: Vector = np.zeros(0)  # empty before the first one
+        self.revision = 0
+        self._rows: CompiledRows | None = None
 
     @classmethod
     @abstractmethod
@@ -196,9 +204,25 @@ class Task(ABC):
     def current(self) -> Vector:
         """Present value, in the form of a target if the task has one; a copy."""
 
-    @abstractmethod
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """Rows that compiled code can fill, all of them; none if `update` does it itself."""
+        return ()
+
+    def part_values(self) -> tuple[Vector, ...]:
+        """Target of every part, as its kind of rows needs it."""
+        return ()
+
     def update(self) -> None:
         """Compute `error` and `J` at the robot's present configuration."""
+        if self._rows is None:
+            if not self.parts:
+                raise NotImplementedError(f'{type(self).__name__}: either parts or update')
+            from tp_controller.tasks.compiled import CompiledRows
+
+            unused = np.zeros((2, self.k))
+            self._rows = CompiledRows(self.robot, [(self, 0)], self.J, self.error, *unused)
+        self._rows.fill()
 
     @property
     def bend(self) -> Vector:
@@ -216,10 +240,11 @@ class Task(ABC):
         """Forget what belongs to a place in the hierarchy; nothing, unless rows come and go."""
         return
 
-    def place(self, J: Matrix) -> None:
-        """Keep the Jacobian in a given array (k, n) from now on."""
-        J[:] = self.J
-        self.J = J
+    def place(self, J: Matrix, error: Vector) -> None:
+        """Keep Jacobian and error in given arrays (k, n) and (k,) from now on."""
+        J[:], error[:] = self.J, self.error
+        self.J, self.error = J, error
+        self._rows = None
 
     @property
     def target(self) -> Vector | None:
@@ -229,6 +254,7 @@ class Task(ABC):
     @target.setter
     def target(self, values: Sequence[float] | Vector) -> None:
         self._target = self.check_target(values)
+        self.revision += 1
 
     def check_target(self, values: Sequence[float] | Vector) -> Vector:
         """Copy of a desired value (target_size,) in its normal form.
@@ -264,10 +290,12 @@ class Task(ABC):
     def hold(self) -> None:
         """Take the present value as the target."""
         self._target = self.current
+        self.revision += 1
 
     def forget_target(self) -> None:
         """Have no target, as before the first one."""
         self._target = np.zeros(0)
+        self.revision += 1
 
     @property
     def gain(self) -> Matrix:
@@ -277,6 +305,7 @@ class Task(ABC):
     @gain.setter
     def gain(self, values: Sequence[float]) -> None:
         self._K = self.check_gain(values)
+        self.revision += 1
 
     def check_gain(self, values: Sequence[float]) -> Matrix:
         """Gain matrix (k, k) of one value, k values or k*k values row by row.
@@ -321,6 +350,7 @@ class Task(ABC):
     @feedforward.setter
     def feedforward(self, values: Sequence[float] | Vector) -> None:
         self._feedforward = self.check_feedforward(values)
+        self.revision += 1
 
     def check_feedforward(self, values: Sequence[float] | Vector) -> Vector:
         """Copy of a desired task velocity (k,).

@@ -14,6 +14,7 @@ from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.parameters import REQUIRED, TEXT, Parameter
 from tp_controller.robot import Frame, Robot
 from tp_controller.tasks.base import Task
+from tp_controller.tasks.parts import Part
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -106,6 +107,13 @@ class FrameTask(Task):
         """Task velocity (k,) that a twist (6,) [v; ω] along the task's axes stands for."""
         return twist[self.rows]
 
+    def _part(
+        self, kind: int, places: NDArray[np.int64], axis: int = -1, carried: bool = False
+    ) -> Part:
+        """Rows of one kind, seen as this task sees them."""
+        axes = self.axes if self._own_axes else None
+        return Part(kind, places.tolist(), self.frame, self.reference, axes, axis, carried)
+
     def _position(self) -> Vector:
         """Position (3,) [m] of the frame as seen from the reference."""
         if self._from_base:
@@ -117,22 +125,6 @@ class FrameTask(Task):
         if self._from_base:
             return self.frame.rotation
         return self.reference.rotation.T @ self.frame.rotation
-
-    def _linear(self) -> Matrix:
-        """Jacobian (3, n) of the position as seen from the reference."""
-        if self._from_base:
-            return self.frame.jacobian[:3]
-        way = self.frame.position - self.reference.position
-        moved = self.frame.jacobian[:3] - self.reference.jacobian[:3]
-        # The reference turns under the way to the frame.
-        moved += np.cross(way, self.reference.jacobian[3:], axisb=0).T
-        return self.reference.rotation.T @ moved
-
-    def _angular(self, frame: Frame) -> Matrix:
-        """Jacobian (3, n) of a frame's angular velocity as seen from the reference."""
-        if self._from_base:
-            return frame.jacobian[3:]
-        return self.reference.rotation.T @ (frame.jacobian[3:] - self.reference.jacobian[3:])
 
     @cached_property
     def bend(self) -> Vector:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.parameters import REQUIRED, TEXTS, Parameter
 from tp_controller.robot import Robot
-from tp_controller.rotations import wrap
 from tp_controller.tasks.base import Task
+from tp_controller.tasks.parts import JOINTS, Part
 
 Vector = NDArray[np.float64]
 
@@ -93,9 +93,11 @@ class JointTask(Task):
             result[self.components.index(name)] = change
         return result
 
-    def update(self) -> None:
-        """Compute `error` [rad, m] at the robot's present configuration; `J` is constant."""
-        np.take(self._q, self._indices, out=self.error)
-        np.subtract(self._target, self.error, out=self.error)
-        for row in self._wrapping:
-            self.error[row] = wrap(self.error[row])
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The joints; `J` is constant."""
+        return (Part(JOINTS, self._indices.tolist(), wraps=self._wrapping),)
+
+    def part_values(self) -> tuple[Vector, ...]:
+        """The target (k,)."""
+        return (self._target,)

@@ -14,14 +14,11 @@ from tp_controller.parameters import TEXT, Parameter
 from tp_controller.robot import Frame, Robot
 from tp_controller.rotations import (
     heading,
-    heading_rows,
     quaternion_from_rotation,
-    rotation_error,
     rotation_from_quaternion,
-    tilt_error,
-    wrap,
 )
 from tp_controller.tasks.frame import FRAME, VIEW, FrameTask, axis_rows
+from tp_controller.tasks.parts import HEADING, ROTATION, TILT, Part
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -143,6 +140,7 @@ class OrientationTask(FrameTask):
     @target.setter
     def target(self, values: Sequence[float] | Vector) -> None:
         self._target = self.check_target(values)
+        self.revision += 1
         if not self._is_heading:
             self._R_des = rotation_from_quaternion(self._target)
 
@@ -156,32 +154,18 @@ class OrientationTask(FrameTask):
             return np.array([heading(rotation, self._axis)])
         return quaternion_from_rotation(rotation)
 
-    def update(self) -> None:
-        """Compute `error` [rad] and `J` at the robot's present configuration."""
-        R = self._rotation()
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The angle, the rotation, or the tilt."""
         if self._is_heading:
-            self.error[0] = wrap(self._target[0] - heading(R, self._axis))
-            np.dot(heading_rows(R, self._axis), self._angular(self.frame), out=self.J[0])
-            return
-        error = self._tilt(R) if self._free >= 0 else rotation_error(self._R_des, R)
-        if self._from_base and not self._own_axes:
-            np.take(error, self._turns, out=self.error)
-            np.take(self.frame.jacobian, self.rows, axis=0, out=self.J)
-            return
-        J = self._angular(self.frame)
-        if self._own_axes:
-            A = self._axes_rotation()
-            error, J = A.T @ error, A.T @ J
-        np.take(error, self._turns, out=self.error)
-        np.take(J, self._turns, axis=0, out=self.J)
+            return (self._part(HEADING, self.rows, self._axis),)
+        if self._free >= 0:
+            return (self._part(TILT, self.rows, self._free, self._carried),)
+        return (self._part(ROTATION, self.rows),)
 
-    def _tilt(self, R: Matrix) -> Vector:
-        """Tilt (3,) of a rotation (3, 3) against the target, along the reference's axes."""
-        Q = self._R_des @ R.T
-        if not self._own_axes:
-            return tilt_error(Q, self._free, False)
-        A = self._axes_rotation()
-        return A @ tilt_error(A.T @ Q @ A, self._free, self._carried)
+    def part_values(self) -> tuple[Vector, ...]:
+        """Angle (1,), or rotation (9,) row by row."""
+        return (self._target if self._is_heading else self._R_des.ravel(),)
 
     def hessian(self, out: NDArray[np.float64]) -> None:
         """Write the second derivatives (k, n, n) of the variables to ``out``.

@@ -12,6 +12,7 @@ from tp_controller.parameters import TEXT, Parameter
 from tp_controller.robot import Robot
 from tp_controller.tasks.frame import FRAME, VIEW, FrameTask, axis_rows
 from tp_controller.tasks.orientation import OrientationTask
+from tp_controller.tasks.parts import Part
 from tp_controller.tasks.position import PositionTask
 
 Vector = NDArray[np.float64]
@@ -68,16 +69,23 @@ class PoseTask(FrameTask):
         super().__init__(name, robot, frame, position_rows + orientation_rows, *views)
         self._place = PositionTask(name, robot, frame, position_axes, *views)
         self._turn = OrientationTask(name, robot, frame, orientation_axes, *views)
-        self._place.error = self.error[: self._place.k]
-        self._turn.error = self.error[self._place.k :]
         self._split = self._place.target_size
-        self.place(self.J)
+        self.place(self.J, self.error)
 
-    def place(self, J: Matrix) -> None:
-        """Keep the Jacobian in a given array (k, n) from now on."""
-        super().place(J)
-        self._place.place(J[: self._place.k])
-        self._turn.place(J[self._place.k :])
+    def place(self, J: Matrix, error: Vector) -> None:
+        """Keep Jacobian and error in given arrays (k, n) and (k,) from now on."""
+        super().place(J, error)
+        self._place.place(J[: self._place.k], error[: self._place.k])
+        self._turn.place(J[self._place.k :], error[self._place.k :])
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The position, then the orientation."""
+        return self._place.parts + self._turn.parts
+
+    def part_values(self) -> tuple[Vector, ...]:
+        """Targets of both."""
+        return self._place.part_values() + self._turn.part_values()
 
     @classmethod
     def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> PoseTask:
@@ -126,6 +134,7 @@ class PoseTask(FrameTask):
     @target.setter
     def target(self, values: Sequence[float] | Vector) -> None:
         self._target = self.check_target(values)
+        self.revision += 1
         self._place.target = self._target[: self._split]
         self._turn.target = self._target[self._split :]
 
@@ -141,11 +150,6 @@ class PoseTask(FrameTask):
                 self._turn.target_from_pose(position, rotation),
             ]
         )
-
-    def update(self) -> None:
-        """Compute `error` [m, rad] and `J` at the robot's present configuration."""
-        self._place.update()
-        self._turn.update()
 
     @property
     def bend(self) -> Vector:

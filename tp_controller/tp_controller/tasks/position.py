@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tp_controller.parameters import TEXT, Parameter
 from tp_controller.robot import Robot
 from tp_controller.tasks.frame import FRAME, LABELS, VIEW, FrameTask, axis_rows
+from tp_controller.tasks.parts import POSITION, Part
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -87,20 +88,13 @@ class PositionTask(FrameTask):
         """Coordinates of the position (3,) that a target has."""
         return position[self._targeted]
 
-    def update(self) -> None:
-        """Compute `error` [m] and `J` at the robot's present configuration."""
-        if self._from_base and not self._own_axes:
-            np.take(self.frame.position, self.rows, out=self.error)
-            np.subtract(self._target, self.error, out=self.error)
-            np.take(self.frame.jacobian, self.rows, axis=0, out=self.J)
-            return
-        way = self._target - self._position()[self._targeted]
-        if not self._own_axes:
-            self.error[:] = way
-            self.J[:] = self._linear()[self.rows]
-            return
-        A = self._axes_rotation()
-        # The axes turn under the way to the target.
-        turned = np.cross(way, self._angular(self.axes), axisb=0).T
-        self.error[:] = (A.T @ way)[self.rows]
-        self.J[:] = (A.T @ (self._linear() - turned))[self.rows]
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The position of the frame."""
+        return (self._part(POSITION, self.rows),)
+
+    def part_values(self) -> tuple[Vector, ...]:
+        """Target by coordinate, zero for those without."""
+        values = np.zeros(3)
+        values[self._targeted] = self._target
+        return (values,)

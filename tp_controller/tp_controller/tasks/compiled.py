@@ -1,0 +1,127 @@
+"""Tasks on frames and joints, resolved by one compiled call."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.robot import Frame, Robot
+from tp_controller.tasks import base
+from tp_controller.tasks.parts import BASE, COLUMNS, REFERENCES
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+
+class CompiledRows:
+    """Rows of several tasks in arrays of their own, filled by one call.
+
+    Parameters
+    ----------
+    robot
+        The robot.
+    tasks
+        The tasks with their first rows; those without parts are left out.
+    J, errors, feedforward, velocity
+        Where the rows of all tasks are: (K, n), and (K,) each.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        tasks: Iterable[tuple[base.Task, int]],
+        J: Matrix,
+        errors: Vector,
+        feedforward: Vector,
+        velocity: Vector,
+    ) -> None:
+        from tp_controller.tasks import rows
+
+        self._fill: Any = rows.fill
+        self._tasks = [(task, first) for task, first in tasks if task.parts]
+        parts = [(part, task, first) for task, first in self._tasks for part in task.parts]
+        width = max([9, robot.n, *(len(part.places) for part, _, _ in parts)])
+        self._revisions = [-1] * len(self._tasks)
+        self._feedforward = feedforward
+        self._plan = np.full((len(parts), COLUMNS), -1, dtype=np.int64)
+        self._places = np.zeros((len(parts), width), dtype=np.int64)
+        self._wraps = np.zeros((len(parts), width), dtype=np.bool_)
+        self._values = np.zeros((len(parts), width))
+        frames: dict[int, int] = {}
+
+        def slot(frame: Frame | None) -> int:
+            if frame is None or frame is robot.base:
+                return BASE
+            return frames.setdefault(frame.index, len(frames))
+
+        self._first_part: list[int] = []
+        i = 0
+        for task, first in self._tasks:
+            self._first_part.append(i)
+            row = first
+            for part in task.parts:
+                self._plan[i] = (
+                    part.kind,
+                    row,
+                    len(part.places),
+                    slot(part.frame),
+                    slot(part.reference),
+                    REFERENCES if part.axes is None else slot(part.axes),
+                    part.axis,
+                    part.carried,
+                )
+                self._places[i, : len(part.places)] = part.places
+                self._wraps[i, list(part.wraps)] = True
+                row += len(part.places)
+                i += 1
+        sizes = [task.k for task, _ in self._tasks]
+        self._spans = np.array(
+            [(first, task.k) for task, first in self._tasks], dtype=np.int64
+        ).reshape(-1, 2)
+        self._gains = np.zeros((len(sizes), max([1, *sizes]), max([1, *sizes])))
+        m, n = robot.twists.shape[0], robot.n
+        self._frames = np.array(list(frames), dtype=np.int64)
+        self._moves = np.zeros((len(frames), m), dtype=np.bool_)
+        by_index = {robot.frame(name).index: robot.frame(name) for name in robot.frames}
+        for index, place in frames.items():
+            self._moves[place, by_index[index].chain()] = True
+        S = np.zeros((0, 0)) if robot.coupling is None else robot.coupling.S
+        self._arguments = (
+            robot.q,
+            robot.twists,
+            robot.poses,
+            np.ascontiguousarray(S, dtype=float),
+            self._frames,
+            self._moves,
+            np.zeros((len(frames), 6, n)),
+            self._plan,
+            self._places,
+            self._wraps,
+            self._values,
+            self._spans,
+            self._gains,
+            np.zeros((8, 6, max(n, 3))),
+            J,
+            errors,
+            feedforward,
+            velocity,
+        )
+
+    def fill(self) -> None:
+        """Fill the rows of all tasks at the robot's present configuration."""
+        for i, (task, first) in enumerate(self._tasks):
+            if self._revisions[i] != task.revision:
+                self._load(i, task, first)
+        self._fill(*self._arguments)
+
+    def _load(self, i: int, task: base.Task, first: int) -> None:
+        """Take over a task's target, gain and feedforward."""
+        self._revisions[i] = task.revision
+        _, feedforward, K = task.settings
+        self._gains[i, : task.k, : task.k] = K
+        self._feedforward[first : first + task.k] = feedforward
+        for part, values in enumerate(task.part_values(), self._first_part[i]):
+            self._values[part, : values.size] = values
