@@ -32,8 +32,10 @@ ITERATIONS = 255
 """Most that deeply overlapping round shapes may take."""
 SHORT = 1.0
 """Moves [m] of an obstacle from this one on make every distance new."""
-FAILED = 1e300
-"""A distance [m] of this size is what failed iterations leave."""
+MANY = 0.5
+"""From this share of all pairs on, all are computed: one call for all costs about as much."""
+RESULT = 160
+"""Bytes from one of coal's results to the next, where these are as they are known."""
 
 
 class Row(NamedTuple):
@@ -86,9 +88,9 @@ class Clearance:
 
     def __init__(self, robot: Robot, rows: Sequence[Row], obstacle: Shape | None = None) -> None:
         # Compiled, or loaded, for tasks that need it.
-        from tp_controller.robot.bounds import lower_bounds
+        from tp_controller.robot import bounds
 
-        self._lower_bounds = lower_bounds
+        self._bounds = bounds
         self.robot = robot
         self.names = tuple(row.name for row in rows)
         self.links = tuple((row.link, row.other) for row in rows)
@@ -121,16 +123,23 @@ class Clearance:
             request.epa_max_iterations = ITERATIONS
             _start_afresh(request)
         k, n, pairs = len(rows), robot.n, len(reaches)
-        self._starts, self._sides_of = np.array(starts), np.array(sides)
+        self._starts, self._sides_of = np.array(starts, dtype=np.int64), np.array(sides)
         self._row_of = np.repeat(np.arange(k), counts)
         self._pair_reaches = np.array(reaches)
         self.reach: Matrix = np.maximum.reduceat(self._pair_reaches, self._starts)
         self.distance: Vector = np.full(k, math.nan)
         self.slope: Matrix = np.zeros((k, n))
-        # For every pair of shapes: a distance, the configuration of it, the bound that is left
-        # of it, and the line [n; p × n] of the shortest way.
+        # For every pair of shapes: a distance, the configuration of it, and the bound that is
+        # left of it.
         self._known, self._lower = np.full(pairs, -math.inf), np.full(pairs, -math.inf)
-        self._anchor, self._lines = np.zeros((pairs, n)), np.zeros((pairs, 6))
+        self._anchor, self._ways = np.zeros((pairs, n)), np.zeros((pairs, 3))
+        S = None if robot.coupling is None else robot.coupling.S
+        self._S: Matrix = np.zeros((0, 0)) if S is None else np.array(S, dtype=float, order='C')
+        self._coupled = S is not None
+        view = _view(robot, self._geometry, self._results)
+        self._copies = view is None
+        self._found: Matrix = np.zeros((pairs, bounds.WIDTH)) if view is None else view
+        self._near = np.zeros(pairs, dtype=np.int64)
         self._threshold, self._pair_threshold = np.full(k, math.inf), np.full(pairs, math.inf)
 
     @property
@@ -164,11 +173,18 @@ class Clearance:
 
     def update(self) -> None:
         """Fill `distance` and `slope` at the robot's present configuration."""
-        self.slope.fill(0.0)
-        if self._measure(self._pair_threshold, self.distance, True):
-            rows = np.flatnonzero(self.distance < self._threshold)
-            if rows.size:
-                self._fill_slope(rows)
+        self._measure(self._pair_threshold, self.distance, True)
+        arguments = (
+            self._found, self._ways, self._lower, self._starts, self.distance, self._threshold,
+            self._sides_of, self.robot.twists, self._S, self._coupled, self._near, self.slope,
+        )  # fmt: skip
+        missing = self._bounds.slopes(*arguments)
+        if missing:
+            self._ways.fill(0.0)
+            for pair in self._near[:missing].tolist():
+                self._ways[pair] = self._any_way(pair)
+            self._bounds.slopes(*arguments)
+            self._ways.fill(0.0)
 
     def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write what `update` would make of `distance` (k,) to ``out``, and nothing else.
@@ -203,21 +219,16 @@ class Clearance:
     def _measure(self, threshold: Vector, distance: Vector, least: bool = False) -> bool:
         """Fill distances (k,), and the least of all exactly on demand; whether any is near."""
         q, lower = self.robot.q, self._lower
-        near = self._lower_bounds(
-            q, self._anchor, self._pair_reaches, self._known, threshold, lower
+        count = self._bounds.lower_bounds(
+            q, self._anchor, self._pair_reaches, self._known, threshold, lower, self._near
         )
-        if near:
+        if count:
             self._place_shapes()
-            for pair in np.flatnonzero(lower < threshold).tolist():
-                if self._compute(pair):
-                    self._anchor[pair] = q
+            self._compute(count)
         if least:
-            self._find_least(near)
-        if len(lower) == len(distance):
-            distance[:] = lower
-        else:
-            np.minimum.reduceat(lower, self._starts, out=distance)
-        return near
+            self._find_least(count > 0)
+        self._bounds.least(lower, self._starts, distance)
+        return count > 0
 
     def _place_shapes(self) -> None:
         pin.updateGeometryPlacements(
@@ -234,55 +245,51 @@ class Clearance:
             if not placed:
                 self._place_shapes()
                 placed = True
-            if not self._compute(pair):
+            self._near[0] = pair
+            if self._compute(1):
                 return
-            self._anchor[pair] = self.robot.q
 
-    def _compute(self, pair: int) -> bool:
-        """Distance and line of a pair of shapes whose placements are up to date.
+    def _compute(self, count: int) -> bool:
+        """Distances of the first pairs of ``_near``; their placements are up to date.
 
         Returns
         -------
         bool
-            False if the iterations failed; what was known of the pair then stays.
+            Whether iterations failed; what was known of these pairs then stays.
         """
-        result = pin.computeDistance(self._geometry, self._results, pair)
-        distance = result.min_distance
-        if not abs(distance) < FAILED:
+        near, q = self._near, self.robot.q
+        if count > MANY * len(self._known):
+            pin.computeDistances(self._geometry, self._results)
+        else:
+            for pair in near[:count].tolist():
+                pin.computeDistance(self._geometry, self._results, pair)
+        known = self._known, self._lower, self._anchor
+        if self._copies:
+            self._copy(count)
+        failed = self._bounds.take(self._found, q, near, count, *known)
+        if not failed:
+            return False
+        for pair in near[:failed].tolist():
             request = self._results.distanceRequests[pair]
             _set_tolerance(request, COARSE)
-            result = pin.computeDistance(self._geometry, self._results, pair)
+            pin.computeDistance(self._geometry, self._results, pair)
             _set_tolerance(request, TOLERANCE)
-            distance = result.min_distance
-            if not abs(distance) < FAILED:
-                return False
-        # coal's normal leads from the first shape to the second.
-        x, y, z = result.normal.tolist()
-        if not 0.5 < x * x + y * y + z * z < 2.0:
-            x, y, z = self._any_normal(pair)
-        a, b, c = result.getNearestPoint1().tolist()
-        self._known[pair] = self._lower[pair] = distance
-        self._lines[pair] = -x, -y, -z, c * y - b * z, a * z - c * x, b * x - a * y
-        return True
+        if self._copies:
+            self._copy(failed)
+        return bool(self._bounds.take(self._found, q, near, failed, *known))
 
-    def _any_normal(self, pair: int) -> list[float]:
+    def _copy(self, count: int) -> None:
+        """Copy the results of the first pairs of ``_near``, where no view has them."""
+        for pair in self._near[:count].tolist():
+            self._found[pair] = _result(self._results.distanceResults[pair])
+
+    def _any_way(self, pair: int) -> list[float]:
         """Direction (3,) from the middle of one shape to that of the other, or any."""
         ends = self._geometry.collisionPairs[pair]
         one, other = (self._results.oMg[i].translation for i in (ends.first, ends.second))
         way = other - one
         length = float(np.linalg.norm(way))
         return (way / length).tolist() if length > 0.0 else [0.0, 0.0, -1.0]
-
-    def _fill_slope(self, rows: NDArray[np.intp]) -> None:
-        if len(self._lower) == len(self.names):
-            pairs = rows
-        else:
-            pairs = np.array([self._nearest_pair(row) for row in rows])
-        # Pinocchio's Jacobian is of twists at the origin; a single column arrives as a vector.
-        J = self.robot.data.J.reshape(6, -1)
-        slope = (self._lines[pairs] @ J) * self._sides_of[rows]
-        coupling = self.robot.coupling
-        self.slope[rows] = slope if coupling is None else slope @ coupling.S
 
     def _nearest_pair(self, row: int) -> int:
         start = int(self._starts[row])
@@ -327,6 +334,42 @@ class Clearance:
         for joint, up in joint_path(model, start, end):
             sides[model.joints[joint].idx_v] = 1.0 if up else -1.0
         return sides
+
+
+class _Memory:
+    """Numbers that another library keeps, as an array."""
+
+    def __init__(self, owner: object, address: int, shape: tuple[int, int], step: int) -> None:
+        self._owner = owner  # goes on to live as long as the array
+        self.__array_interface__ = {
+            'version': 3,
+            'typestr': '<f8',
+            'data': (address, True),
+            'shape': shape,
+            'strides': (step, 8),
+        }
+
+
+def _view(robot: Robot, geometry: pin.GeometryModel, results: pin.GeometryData) -> Matrix | None:
+    """View (p, 10) of the results where coal keeps them; None if it keeps them in another way."""
+    found, last = results.distanceResults, len(results.distanceResults) - 1
+    normal = found[0].normal
+    address = normal.__array_interface__['data'][0]
+    if last and found[last].normal.__array_interface__['data'][0] != address + last * RESULT:
+        return None
+    view = np.asarray(_Memory(results, address - 8, (last + 1, 10), RESULT))
+    pin.updateGeometryPlacements(robot.model, robot.data, geometry, results)
+    for pair in {0, last}:
+        pin.computeDistance(geometry, results, pair)
+        if not np.array_equal(view[pair], _result(found[pair]), equal_nan=True):
+            return None
+    return view
+
+
+def _result(result: coal.DistanceResult) -> Vector:
+    """Distance, normal and nearest points (10,) of a result."""
+    ends = result.getNearestPoint1(), result.getNearestPoint2()
+    return np.concatenate([[result.min_distance], result.normal, *ends])
 
 
 def _set_tolerance(request: coal.DistanceRequest, value: float) -> None:

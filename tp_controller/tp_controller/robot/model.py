@@ -89,6 +89,8 @@ class Robot:
         self.coupling = coupling
         """How the joints of the model follow the controlled ones, None if they are the same."""
         self._q = np.zeros(self.n)
+        self._q_view = self._q.view()
+        self._q_view.flags.writeable = False
         # Without a coupling the model's configuration is the robot's own.
         self._q_model = self._q if coupling is None else np.zeros(model.nq)
         self._stamp = np.zeros(1, dtype=np.int64)
@@ -135,9 +137,7 @@ class Robot:
     @property
     def q(self) -> Vector:
         """Configuration (n,) [rad, m] of the last update; a read-only view."""
-        view = self._q.view()
-        view.flags.writeable = False
-        return view
+        return self._q_view
 
     def frame(self, name: str) -> Frame:
         """Frame of that name, the same object at every call.

@@ -57,6 +57,8 @@ class ClearanceTask(SetBasedTask):
         self._notices: list[str] = []
         reach = clearance.reach
         super().__init__(name, clearance.robot, clearance.names, reach, period, switching)
+        # Filled by the clearance itself.
+        self.distance, self._slope = clearance.distance, clearance.slope
 
     def _take(self, thresholds: Thresholds) -> None:
         super()._take(thresholds)
@@ -68,11 +70,10 @@ class ClearanceTask(SetBasedTask):
     def expect(self, speed: Vector) -> None:
         """Let only rows come in that such speeds (n,) could break; see `SetBasedTask.expect`."""
         if self.one_sided:
-            near = self._near
-            np.dot(self.reach, speed, out=near)
-            self._narrow(near)
-            near *= BEYOND
-            self.clearance.threshold = near
+            self._narrow(speed)
+            assert self._edge is not None
+            np.multiply(BEYOND, self._edge, out=self._near)
+            self.clearance.threshold = self._near
 
     def _wide_margin(self) -> str:
         velocity = self.robot.limits.velocity
@@ -127,8 +128,6 @@ class ClearanceTask(SetBasedTask):
     def measure(self) -> None:
         """Fill the distances of rows that may be in, and their derivative."""
         self.clearance.update()
-        self.distance[:] = self.clearance.distance
-        self._slope[:] = self.clearance.slope
         if not self._seen:
             self._look_for_contacts()
 

@@ -30,6 +30,28 @@ def switch(distance, slope, edge, margin, on, error, J):  # type: ignore[no-unty
             J[i, c] = slope[i, c] if on[i] else 0.0
 
 
+@njit(void(FIXED_ROWS, FIXED, FIXED, float64, float64, COLUMN), cache=True)
+def narrow(reach, speed, feedforward, time, margin, edge):  # type: ignore[no-untyped-def]
+    """Fill how near rows (k,) have to come in for joints up to some speeds (n,).
+
+    Parameters
+    ----------
+    reach
+        Bounds (k, n) on the derivatives of the distances.
+    speed, feedforward
+        Largest speeds (n,), and what is added to the least rates (k,).
+    time, margin
+        Time constant [s], and the distance that is kept.
+    edge
+        Result (k,).
+    """
+    for i in range(edge.size):
+        rate = max(feedforward[i], 0.0)
+        for j in range(speed.size):
+            rate += reach[i, j] * speed[j]
+        edge[i] = margin + time * rate
+
+
 @njit(void(COLUMN, boolean[::1], COLUMN, FIXED_ROWS, COLUMN, float64, float64, COLUMN), cache=True)
 def least_rates(distance, on, error, K, feedforward, margin, time, out):  # type: ignore[no-untyped-def]
     """Fill the least rates (k,) of the distances of rows that are in, for the others zero."""

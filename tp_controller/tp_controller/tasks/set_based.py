@@ -356,17 +356,14 @@ class SetBasedTask(Task):
         """
         return
 
-    def _narrow(self, near: Vector) -> None:
-        """Turn fastest rates of the distances (k,) into how near each row has to come in.
+    def _narrow(self, speed: Vector) -> None:
+        """Let rows come in as near only as the largest speeds (n,) of the next step call for.
 
-        At a larger distance its bound holds by itself.
+        At a larger distance a row's bound holds by itself.
         """
-        assert self._edge is not None
-        np.maximum(self._feedforward, 0.0, out=self._edge)
-        near += self._edge
-        near *= self._time
-        near += self.margin
-        self._edge[:] = near
+        self._compiled.narrow(
+            self.reach, speed, self._feedforward, self._time, self.margin, self._edge
+        )
 
     def update(self) -> None:
         """Compute `distance`, `error` and `J` at the robot's present configuration."""
