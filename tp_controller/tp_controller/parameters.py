@@ -24,6 +24,22 @@ NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]{0,79}')
 """What a task may be called: its name becomes part of topic names."""
 
 
+def check_name(name: str) -> None:
+    """Check what a task is called.
+
+    Raises
+    ------
+    InvalidValue
+        For a name that cannot stand in a topic name.
+    """
+    if not NAME.fullmatch(name):
+        raise InvalidValue(
+            f'tasks.{name[:80]}',
+            f'a task called {shown(name)}',
+            'names of up to 80 letters, digits and _ that begin with a letter',
+        )
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One parameter: what it is, what it accepts and what it is when left out."""

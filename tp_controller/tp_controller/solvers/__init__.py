@@ -1,5 +1,8 @@
 """Ways to resolve a hierarchy of task velocities into joint velocities."""
 
+from typing import Any
+
+from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.solvers.augmented import AugmentedSolver
 from tp_controller.solvers.base import SATURATIONS, Solver
 from tp_controller.solvers.extended_jacobian import ExtendedJacobianSolver
@@ -23,6 +26,29 @@ SOLVER_TYPES: dict[str, type[Solver]] = {
 }
 """Solver classes by the ``solver.type`` of parameter files."""
 
+
+def solver_of(scheme: str, n: int, **settings: Any) -> Solver:
+    """Make the solver of a scheme.
+
+    Parameters
+    ----------
+    scheme
+        One of `SOLVER_TYPES`.
+    n
+        Number of joints.
+    settings
+        As `Solver`.
+
+    Raises
+    ------
+    InvalidValue
+        If there is no such scheme, or as `Solver`.
+    """
+    if scheme not in SOLVER_TYPES:
+        raise InvalidValue('scheme', shown(scheme), f'one of {listed(SOLVER_TYPES)}')
+    return SOLVER_TYPES[scheme](n, **settings)
+
+
 __all__ = [
     'DEFAULT',
     'INVERSES',
@@ -40,4 +66,5 @@ __all__ = [
     'Rows',
     'Solver',
     'WeightedSolver',
+    'solver_of',
 ]

@@ -1,6 +1,6 @@
 """Tasks by the type names of parameter files."""
 
-from tp_controller.tasks.base import COMMON, Task
+from tp_controller.tasks.base import COMMON, Common, Task
 from tp_controller.tasks.clearance import ClearanceTask
 from tp_controller.tasks.frame import FrameTask
 from tp_controller.tasks.gaze import GazeTask
@@ -14,7 +14,7 @@ from tp_controller.tasks.position import PositionTask
 from tp_controller.tasks.posture import PostureTask
 from tp_controller.tasks.self_collision import SelfCollisionTask
 from tp_controller.tasks.set_based import SetBasedTask, Switching
-from tp_controller.tasks.whole_arm import WholeArmTask
+from tp_controller.tasks.whole_arm import Measures, WholeArmTask
 
 TASK_TYPES: dict[str, type[Task]] = {
     task.type: task
@@ -37,11 +37,13 @@ __all__ = [
     'COMMON',
     'TASK_TYPES',
     'ClearanceTask',
+    'Common',
     'FrameTask',
     'GazeTask',
     'JointLimitsTask',
     'JointTask',
     'ManipulabilityTask',
+    'Measures',
     'ObstacleTask',
     'OrientationTask',
     'PoseTask',

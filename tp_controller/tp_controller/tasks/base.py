@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, NoReturn
+from typing import Any, ClassVar, NoReturn, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,21 @@ LARGEST = 1e9
 """Size of a value of a target, feedforward or gain up to which nothing is lost to rounding."""
 OSCILLATING, OVERSHOOTING = 2.0, 1.0
 """Gains times the period from which on an error grows, or changes its sign, at every step."""
+
+
+class Common(TypedDict, total=False):
+    """Settings that every task takes as keyword arguments; properties of the same names."""
+
+    gain: float | Sequence[float]
+    """Gain [1/s]: one value, one per row, or a full matrix (k, k) row by row; 1 when left out."""
+    feedforward: Sequence[float] | Vector
+    """Desired task velocity (k,) added to the gain term; zero when left out."""
+    target: Sequence[float] | Vector
+    """Desired value (target_size,); that at the first step when left out."""
+    inverse: Inverse
+    """How its level is inverted; what is left open is the solver's way."""
+    weight: float
+    """Weight in the scheme ``weighted``; 1 when left out."""
 
 
 class Task(ABC):
@@ -110,6 +125,22 @@ class Task(ABC):
         self._K: Matrix = np.eye(self.k)
         self._feedforward: Vector = np.zeros(self.k)
         self._target: Vector = np.zeros(0)  # empty before the first one
+
+    def set(self, settings: Common) -> None:
+        """Set several settings by name.
+
+        Raises
+        ------
+        InvalidValue
+            For a value that cannot be used.
+        TypeError
+            For another name.
+        """
+        for key, value in settings.items():
+            if key not in Common.__annotations__:
+                kind = self.__class__.__name__
+                raise TypeError(f'{kind}() got an unexpected keyword argument {key!r}')
+            setattr(self, key, value)
 
     @classmethod
     @abstractmethod
@@ -275,8 +306,8 @@ class Task(ABC):
         return self._K.copy()
 
     @gain.setter
-    def gain(self, values: Sequence[float]) -> None:
-        self._K = self.check_gain(values)
+    def gain(self, values: float | Sequence[float]) -> None:
+        self._K = self.check_gain([values] if isinstance(values, int | float) else values)
 
     def check_gain(self, values: Sequence[float]) -> Matrix:
         """Gain matrix (k, k) of one value, k values or k*k values row by row.
