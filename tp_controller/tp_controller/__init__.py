@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         Objective,
         PostureObjective,
     )
+    from tp_controller.problem import Level, LevelSolution, Solution, solve
     from tp_controller.robot import DHParameters, Limits, Response, Robot
     from tp_controller.solvers import Inverse, Solver, solver_of
     from tp_controller.stack import LevelResult, Stack, Step
@@ -49,7 +50,9 @@ __all__ = [
     'JointLimitsTask',
     'JointRangeObjective',
     'JointTask',
+    'Level',
     'LevelResult',
+    'LevelSolution',
     'Limits',
     'ManipulabilityObjective',
     'ManipulabilityTask',
@@ -65,6 +68,7 @@ __all__ = [
     'Robot',
     'SelfCollisionTask',
     'SetBasedTask',
+    'Solution',
     'Solver',
     'Stack',
     'Step',
@@ -75,10 +79,11 @@ __all__ = [
     'WholeArmTask',
     'build_settings',
     'read_parameter_file',
+    'solve',
     'solver_of',
 ]
 
-_MODULES = ('errors', 'robot', 'objectives', 'solvers', 'tasks', 'stack', 'config')
+_MODULES = ('errors', 'robot', 'objectives', 'solvers', 'problem', 'tasks', 'stack', 'config')
 """Modules that the names come from, the quickest to load first."""
 
 
