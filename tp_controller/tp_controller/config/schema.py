@@ -124,7 +124,7 @@ SHARED: Mapping[str, Parameter] = {
 CONTROLLER: Mapping[str, Parameter] = {
     **SHARED,
     'solver.type': Parameter(
-        TEXT, 'How the levels are resolved', default='recursive', choices=tuple(SOLVER_TYPES)
+        TEXT, 'How the levels are resolved', default='recursive', choices=SOLVER_TYPES
     ),
     'solver.inverse': Parameter(
         TEXT,
@@ -166,7 +166,7 @@ CONTROLLER: Mapping[str, Parameter] = {
     'solver.objective.type': Parameter(
         TEXT,
         'What projected_gradient and extended_jacobian make large',
-        choices=tuple(OBJECTIVE_TYPES),
+        choices=OBJECTIVE_TYPES,
     ),
     'rate': Parameter(
         NUMBER,
@@ -302,7 +302,7 @@ def task_schema(name: str, flat: Mapping[str, Any]) -> dict[str, Parameter]:
         For a name that cannot stand in a topic name, or no known type.
     """
     check_name(name)
-    kind = Parameter(TEXT, COMMON['type'].description, REQUIRED, choices=tuple(TASK_TYPES))
+    kind = Parameter(TEXT, COMMON['type'].description, REQUIRED, choices=TASK_TYPES)
     key = f'tasks.{name}.type'
     if flat.get(key) is None:
         raise InvalidValue(key, NO_VALUE, kind.accepts)

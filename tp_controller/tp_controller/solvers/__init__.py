@@ -1,8 +1,10 @@
 """Ways to resolve a hierarchy of task velocities into joint velocities."""
 
+from functools import partial
 from typing import Any
 
 from tp_controller.errors import InvalidValue, listed, shown
+from tp_controller.plugins import Registry, check_class
 from tp_controller.solvers.augmented import AugmentedSolver
 from tp_controller.solvers.base import SATURATIONS, Solver
 from tp_controller.solvers.extended_jacobian import ExtendedJacobianSolver
@@ -13,18 +15,19 @@ from tp_controller.solvers.projected_gradient import ProjectedGradientSolver
 from tp_controller.solvers.recursive import RecursiveSolver
 from tp_controller.solvers.weighted import WeightedSolver
 
-SOLVER_TYPES: dict[str, type[Solver]] = {
-    solver.type: solver
-    for solver in (
-        RecursiveSolver,
-        AugmentedSolver,
-        ExtendedJacobianSolver,
-        WeightedSolver,
-        ProjectedGradientSolver,
-        HQPSolver,
-    )
-}
-"""Solver classes by the ``solver.type`` of parameter files."""
+_OWN: tuple[type[Solver], ...] = (
+    RecursiveSolver,
+    AugmentedSolver,
+    ExtendedJacobianSolver,
+    WeightedSolver,
+    ProjectedGradientSolver,
+    HQPSolver,
+)
+
+SOLVER_TYPES: Registry[type[Solver]] = Registry(
+    'tp_controller.solvers', {solver.type: solver for solver in _OWN}, partial(check_class, Solver)
+)
+"""Solver classes by the ``solver.type`` of parameter files; other packages may add some."""
 
 
 def solver_of(scheme: str, n: int, **settings: Any) -> Solver:

@@ -143,9 +143,13 @@ class Task(ABC):
             setattr(self, key, value)
 
     @classmethod
-    @abstractmethod
     def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> Task:
-        """Make the task from the checked values of its `parameters`."""
+        """Make the task from the checked values of its `parameters`.
+
+        Unless overridden, the constructor is called with those that have a value, by name.
+        """
+        given = {key: values[key] for key in cls.parameters if values.get(key) is not None}
+        return cls(name, robot, **given)
 
     @property
     def frame_name(self) -> str:
