@@ -457,7 +457,7 @@ class Stack:
             task.know_period(period)
 
     def stay(self) -> None:
-        """Turn the command of the last step into rest, for an arm that has not moved yet."""
+        """Turn the command of the last `step_in_place` into rest: the arm has not moved yet."""
         self._qd[:] = self._achieved[:] = 0.0
         self.rest()
 
