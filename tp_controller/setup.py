@@ -1,5 +1,14 @@
-"""Install tp_controller; name, version and people are read from package.xml."""
+"""Install tp_controller; name, version and people are read from package.xml.
 
+colcon installs all of it. A wheel (``pip install ./tp_controller``) is the library alone: the
+ROS node, its executables and ROS's index of packages are left out, and pip gets the list of
+what the library needs. On a ROS machine these come from rosdep; colcon has pip fetch nothing.
+"""
+
+import atexit
+import shutil
+import sys
+import tempfile
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -9,6 +18,45 @@ manifest = ElementTree.parse('package.xml').getroot()
 name = manifest.findtext('name')
 maintainer = manifest.find('maintainer')
 
+# What build front ends such as pip run; colcon runs others.
+FOR_PIP = ('bdist_wheel', 'dist_info', 'editable_wheel', 'sdist')
+for_pip = any(command in sys.argv for command in FOR_PIP)
+
+options = {}
+if for_pip:
+    # Nothing of an older build gets into a wheel, and nothing is left beside the sources.
+    folder = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    options = {'build': {'build_base': folder}}
+
+REQUIREMENTS = [
+    'coal',  # distances between shapes
+    'daqp',  # active sets of the scheme hqp
+    'numba',
+    'numpy',
+    'pin>=3',  # Pinocchio
+    'PyYAML',
+]
+EXTRAS = {
+    'robots': ['example-robot-data>=4.4'],  # URDFs of real arms
+    'test': ['hypothesis', 'pytest', 'pytest-timeout'],
+}
+
+for_ros = {
+    'data_files': [
+        ('share/ament_index/resource_index/packages', [f'resource/{name}']),
+        (f'share/{name}', ['package.xml']),
+        (f'share/{name}/config', sorted(str(path) for path in Path('config').glob('*.yaml'))),
+    ],
+    'entry_points': {
+        'console_scripts': [
+            'controller = tp_controller.ros.controller_main:main',
+            'measure_arm = tp_controller.ros.measure_arm:main',
+            'send_goal = tp_controller.ros.send_goal:main',
+        ],
+    },
+}
+
 setup(
     name=name,
     version=manifest.findtext('version'),
@@ -16,20 +64,14 @@ setup(
     license=manifest.findtext('license'),
     maintainer=maintainer.text,
     maintainer_email=maintainer.get('email'),
-    packages=find_packages(exclude=['test', 'test.*']),
-    data_files=[
-        ('share/ament_index/resource_index/packages', [f'resource/{name}']),
-        (f'share/{name}', ['package.xml']),
-        (f'share/{name}/config', sorted(str(path) for path in Path('config').glob('*.yaml'))),
-    ],
-    install_requires=['setuptools'],
-    extras_require={'test': ['hypothesis', 'pytest', 'pytest-timeout']},
-    zip_safe=True,
-    entry_points={
-        'console_scripts': [
-            'controller = tp_controller.ros.controller_main:main',
-            'measure_arm = tp_controller.ros.measure_arm:main',
-            'send_goal = tp_controller.ros.send_goal:main',
-        ],
-    },
+    python_requires='>=3.10',
+    packages=find_packages(
+        exclude=['test', 'test.*'] + (['tp_controller.ros', 'tp_controller.ros.*'] * for_pip)
+    ),
+    package_data={name: ['py.typed']},
+    install_requires=REQUIREMENTS if for_pip else ['setuptools'],
+    extras_require=EXTRAS,
+    zip_safe=False,
+    options=options,
+    **({} if for_pip else for_ros),
 )

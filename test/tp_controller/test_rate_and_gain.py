@@ -97,11 +97,11 @@ def test_a_range_of_a_description_needs_a_rate_that_may_come_later():
 
 def test_an_arm_stays_at_rest_until_it_is_told_to_move():
     settings = build_settings(changed({'rate': RATE, 'robot.limits.acceleration': [0.5]}))
-    step = settings.stack.step(np.array([0.1, 0.2, 0.3]))
+    step = settings.stack.step_in_place(np.array([0.1, 0.2, 0.3]))
     settings.stack.stay()
     assert not step.command.any()
     assert not step.levels[0].achieved.any()
-    again = settings.stack.step(np.array([0.1, 0.2, 0.3]))
+    again = settings.stack.step_in_place(np.array([0.1, 0.2, 0.3]))
     assert np.abs(again.command).max() <= 0.5 / RATE + 1e-12
 
 

@@ -166,9 +166,27 @@ def test_a_target_given_before_the_first_step_is_kept():
     np.testing.assert_array_equal(stack.tasks['tip'].target, [1.0, 0.5])
 
 
-def test_what_a_step_hands_out_cannot_be_written():
+def arrays_of(result):
+    levels = [(level.requested, level.achieved) for level in result.levels]
+    return [result.command, *(array for level in levels for array in level)]
+
+
+def test_the_arrays_of_a_step_are_the_callers_own():
     stack = planar_stack()
-    result = stack.step(np.zeros(3))
+    result = stack.step(np.array([0.1, 0.6, 0.3]))
+    kept = [array.copy() for array in arrays_of(result)]
+    for array, before in zip(arrays_of(stack.step(np.array([1.0, -0.6, 0.3]))), kept, strict=True):
+        assert not np.array_equal(array, before)
+    for array, before in zip(arrays_of(result), kept, strict=True):
+        np.testing.assert_array_equal(array, before)
+        array[:] = 7.0
+    for array, before in zip(arrays_of(stack.step(np.array([0.1, 0.6, 0.3]))), kept, strict=True):
+        np.testing.assert_array_equal(array, before)
+
+
+def test_what_a_step_in_place_hands_out_cannot_be_written():
+    stack = planar_stack()
+    result = stack.step_in_place(np.zeros(3))
     arrays = [result.command, *stack.velocities_of('tip')]
     for level in result.levels:
         arrays += [level.requested, level.achieved]

@@ -55,7 +55,7 @@ def test_no_task_takes_its_first_target_from_a_state_that_is_not_finite(value):
 
 def test_a_refused_state_leaves_a_command_of_zero():
     stack = stack_of(target=[1.0, 0.5])
-    command = stack.step(GOOD).command
+    command = stack.step_in_place(GOOD).command
     assert np.any(command != 0.0)
     with pytest.raises(UnusableState):
         stack.step(np.full(3, math.nan))

@@ -265,11 +265,11 @@ BROKEN = """
             elif what == 'timer':
                 self.create_timer(0.2, fail)
             else:
-                step, self._left = self._stack.step, 20
+                step, self._left = self._stack.step_in_place, 20
                 def limited(*state):
                     self._left -= 1
                     return step(*state) if self._left > 0 else fail()
-                self._stack.step = limited
+                self._stack.step_in_place = limited
 
     if __name__ == '__main__':
         sys.exit(run_node('tp_controller', 'broken', 'Broken'))

@@ -34,7 +34,7 @@ def test_the_example_of_an_own_robot_runs_and_reaches_its_targets(readme, tmp_pa
 
 
 def test_the_example_of_the_harness_runs(repository, readme, monkeypatch):
-    (example,) = blocks(readme, 'python')
+    (example,) = [text for text in blocks(readme, 'python') if 'tp_sim' in text]
     monkeypatch.chdir(repository)
     exec(compile(example, 'README.md', 'exec'), {})
 

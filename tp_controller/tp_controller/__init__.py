@@ -1,4 +1,4 @@
-"""Recursive task-priority control of robot arms; no ROS is imported here.
+"""Task-priority control of robot arms; no ROS is imported here.
 
 The ROS 2 nodes are in `tp_controller.ros`. The names below are loaded on first use, so that
 an executable can take charge of its signals before numpy and Pinocchio are read.
@@ -12,25 +12,87 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tp_controller.config import build_settings, read_parameter_file
     from tp_controller.errors import InvalidValue, TaskPriorityError, UnusableState
+    from tp_controller.objectives import (
+        JointRangeObjective,
+        ManipulabilityObjective,
+        Objective,
+        PostureObjective,
+    )
+    from tp_controller.problem import Level, LevelSolution, Solution, solve
+    from tp_controller.robot import DHParameters, Limits, Response, Robot
+    from tp_controller.solvers import Inverse, Solver, solver_of
     from tp_controller.stack import LevelResult, Stack, Step
+    from tp_controller.tasks import (
+        FrameTask,
+        GazeTask,
+        JointLimitsTask,
+        JointTask,
+        ManipulabilityTask,
+        Measures,
+        ObstacleTask,
+        OrientationTask,
+        PoseTask,
+        PositionTask,
+        PostureTask,
+        SelfCollisionTask,
+        SetBasedTask,
+        Switching,
+        Task,
+        WholeArmTask,
+    )
 
 __all__ = [
+    'DHParameters',
+    'FrameTask',
+    'GazeTask',
     'InvalidValue',
+    'Inverse',
+    'JointLimitsTask',
+    'JointRangeObjective',
+    'JointTask',
+    'Level',
     'LevelResult',
+    'LevelSolution',
+    'Limits',
+    'ManipulabilityObjective',
+    'ManipulabilityTask',
+    'Measures',
+    'Objective',
+    'ObstacleTask',
+    'OrientationTask',
+    'PoseTask',
+    'PositionTask',
+    'PostureObjective',
+    'PostureTask',
+    'Response',
+    'Robot',
+    'SelfCollisionTask',
+    'SetBasedTask',
+    'Solution',
+    'Solver',
     'Stack',
     'Step',
+    'Switching',
+    'Task',
     'TaskPriorityError',
     'UnusableState',
+    'WholeArmTask',
     'build_settings',
     'read_parameter_file',
+    'solve',
+    'solver_of',
 ]
+
+_MODULES = ('errors', 'robot', 'objectives', 'solvers', 'problem', 'tasks', 'stack', 'config')
+"""Modules that the names come from, the quickest to load first."""
 
 
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    for module in ('errors', 'stack', 'config'):
+    for module in _MODULES:
         found = importlib.import_module(f'{__name__}.{module}')
         if hasattr(found, name):
-            return getattr(found, name)
+            globals()[name] = getattr(found, name)
+            return globals()[name]
     raise AttributeError(name)

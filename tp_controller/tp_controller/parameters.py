@@ -5,8 +5,8 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from tp_controller.errors import NO_VALUE, InvalidValue, listed, shown
@@ -24,6 +24,22 @@ NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]{0,79}')
 """What a task may be called: its name becomes part of topic names."""
 
 
+def check_name(name: str) -> None:
+    """Check what a task is called.
+
+    Raises
+    ------
+    InvalidValue
+        For a name that cannot stand in a topic name.
+    """
+    if not NAME.fullmatch(name):
+        raise InvalidValue(
+            f'tasks.{name[:80]}',
+            f'a task called {shown(name)}',
+            'names of up to 80 letters, digits and _ that begin with a letter',
+        )
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One parameter: what it is, what it accepts and what it is when left out."""
@@ -35,14 +51,13 @@ class Parameter:
     minimum: float | None = None
     above: float | None = None
     """Exclusive lower bound."""
-    choices: tuple[str, ...] = ()
+    choices: Collection[str] = ()
     runtime: bool = False
     """Whether it may change while the node runs."""
-    accepts: str = field(init=False, default='')
-    """The accepted values in words."""
 
-    def __post_init__(self) -> None:
-        """Put the accepted values into words."""
+    @property
+    def accepts(self) -> str:
+        """The accepted values in words."""
         words = {
             NUMBER: 'a number',
             NUMBERS: 'a list of numbers',
@@ -56,7 +71,7 @@ class Parameter:
             words += f' of at least {self.minimum:g}'
         elif self.above is not None:
             words += f' above {self.above:g}'
-        object.__setattr__(self, 'accepts', words)
+        return words
 
     def read(self, key: str, value: Any) -> Any:
         """Check a value and bring it to its plain form.

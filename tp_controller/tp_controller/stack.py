@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from tp_controller.arm import Arm
 from tp_controller.errors import InvalidValue, UnusableState, listed, shown
+from tp_controller.parameters import check_name
 from tp_controller.robot import Limits, Robot
 from tp_controller.safety_filter import SafetyFilter
-from tp_controller.solvers import Bounds, Curvature, Solver
+from tp_controller.solvers import Bounds, Curvature, Solver, solver_of
 from tp_controller.tasks import SetBasedTask, Task
 
 if TYPE_CHECKING:
@@ -33,9 +34,9 @@ class LevelResult(NamedTuple):
     tasks: tuple[str, ...]
     """Names of the level's tasks, in the order of their rows."""
     requested: Vector
-    """Desired task velocity (k,); a read-only view that the next step overwrites."""
+    """Desired task velocity (k,) [m/s, rad/s]."""
     achieved: Vector
-    """Task velocity of the command (k,); a read-only view that the next step overwrites."""
+    """Task velocity of the command (k,) [m/s, rad/s]."""
 
 
 class Rows(NamedTuple):
@@ -68,11 +69,19 @@ class Step(NamedTuple):
     """Result of one step."""
 
     command: Vector
-    """Joint velocity (n,) [rad/s, m/s]; a read-only view that the next step overwrites."""
+    """Joint velocity (n,) [rad/s, m/s]."""
     scale: float
     """What the velocity limits cost, see `Solver.solve`; 1 if none was reached."""
     levels: tuple[LevelResult, ...]
     """One result per level, highest first."""
+
+    def copy(self) -> Step:
+        """Return the same step with arrays of its own."""
+        levels = [
+            LevelResult(tasks, requested.copy(), achieved.copy())
+            for tasks, requested, achieved in self.levels
+        ]
+        return Step(self.command.copy(), self.scale, tuple(levels))
 
 
 class Stack:
@@ -82,15 +91,16 @@ class Stack:
     ----------
     robot
         The robot that carries the tasks out.
-    tasks
-        All tasks, those outside the hierarchy included.
-    hierarchy
-        Task names, highest priority first; ``a + b`` puts two tasks on one level.
+    levels
+        Tasks by level, highest priority first: one task or several that share the level.
     solver
-        Resolves the levels.
-    period
-        Time [s] of one step, which limits of position and acceleration and the safety filter
-        need; infinite if unknown.
+        Resolves the levels: a solver, or the name of a scheme with its default settings.
+    rate
+        Steps per second [Hz], which limits of position and acceleration and the safety filter
+        need; tasks without a period take it over.
+    tasks
+        All tasks in the order in which they are told, those outside the levels included; those
+        of the levels when left out.
     settle
         Whether levels that cannot get what they ask for come to rest, with a solver that can
         do that; else the published laws alone.
@@ -98,29 +108,34 @@ class Stack:
     Raises
     ------
     InvalidValue
-        If the hierarchy is empty, names an unknown task or names one twice; as `SafetyFilter`.
+        If there is no level, a task stands twice, two have one name, one is another robot's or
+        not made for this rate, or there is no such scheme; as `SafetyFilter` and `Solver.check`.
     """
 
     def __init__(
         self,
         robot: Robot,
-        tasks: Iterable[Task],
-        hierarchy: Sequence[str],
-        solver: Solver,
-        period: float = math.inf,
+        levels: Sequence[Task | Sequence[Task]],
+        solver: Solver | str = 'recursive',
+        rate: float | None = None,
+        tasks: Iterable[Task] = (),
         settle: bool = True,
     ) -> None:
+        if rate is not None and not 0.0 < rate < math.inf:
+            raise InvalidValue('rate', shown(rate), 'a number above 0')
+        period = math.inf if rate is None else 1.0 / rate
+        members = [[level] if isinstance(level, Task) else list(level) for level in levels]
         self.robot = robot
         self.settle = settle
-        self.solver = solver
-        self.tasks = {task.name: task for task in tasks}
+        self.solver = solver_of(solver, robot.n) if isinstance(solver, str) else solver
+        self.tasks = named_tasks(robot, chain(tasks, *members), period)
         self._unaimed = [task for task in self.tasks.values() if task.target_size]
         self._held: list[Task] = []
         self.safety_filter = SafetyFilter(robot, period)
         self._qd, self._wish, self._fastest = np.zeros((3, robot.n))
         self._command = _read_only(self._qd)
         self._members: list[list[Task]] = []
-        self.hierarchy = hierarchy
+        self.hierarchy = [' + '.join(task.name for task in level) for level in members]
 
     @property
     def members(self) -> Sequence[Sequence[Task]]:
@@ -337,6 +352,21 @@ class Stack:
     def step(self, q: Vector, elapsed: float | None = None, qd: Vector | None = None) -> Step:
         """Compute the command that answers a measured state.
 
+        Parameters, result and errors are those of `step_in_place`; the arrays of the result are
+        the caller's own.
+        """
+        try:
+            return self.step_in_place(q, elapsed, qd).copy()
+        except UnusableState as error:
+            if error.command is not None:
+                error.command = error.command.copy()
+            raise
+
+    def step_in_place(
+        self, q: Vector, elapsed: float | None = None, qd: Vector | None = None
+    ) -> Step:
+        """Compute the command that answers a measured state.
+
         A task without a target takes its value at this configuration as the target. The arm
         brakes while it does not follow its commands, see `Arm.following` and `Arm.notice`.
 
@@ -352,6 +382,11 @@ class Stack:
             Measured velocities (n,) [rad/s, m/s]: the start of an arm that moves already, and
             what counts when positions jump. Zero is taken, and only positions count, when left
             out.
+
+        Returns
+        -------
+        Step
+            Its arrays are read-only views that the next step overwrites.
 
         Raises
         ------
@@ -434,7 +469,7 @@ class Stack:
             task.know_period(period)
 
     def stay(self) -> None:
-        """Turn the command of the last step into rest, for an arm that has not moved yet."""
+        """Turn the command of the last `step_in_place` into rest: the arm has not moved yet."""
         self._qd[:] = self._achieved[:] = 0.0
         self.rest()
 
@@ -480,6 +515,35 @@ class Stack:
         self.safety_filter.bounds()
         self.safety_filter.pass_on(self._qd)
         raise UnusableState(message, self._command)
+
+
+def named_tasks(robot: Robot, tasks: Iterable[Task], period: float) -> dict[str, Task]:
+    """Tasks by name; those without a period [s] take it over.
+
+    Raises
+    ------
+    InvalidValue
+        If two tasks have one name, or a task is another robot's, has another period or a gain
+        that this one is too long for.
+    """
+    named: dict[str, Task] = {}
+    for task in tasks:
+        check_name(task.name)
+        key = f'tasks.{task.name}'
+        if named.setdefault(task.name, task) is not task:
+            raise InvalidValue(key, 'a second task of that name', 'a new name')
+        if task.robot is not robot:
+            raise InvalidValue(key, 'a task of another robot', "tasks of the stack's robot")
+        if task.period not in (period, math.inf):
+            got = f'a period of {task.period:g} s'
+            raise InvalidValue(key, got, f"the stack's, {period:g} s, or none")
+        if task.period != period:
+            task.know_period(period)
+            try:
+                task.check_gain(task.gain.ravel().tolist())
+            except InvalidValue as error:
+                raise error.under(key) from None
+    return named
 
 
 def split_hierarchy(hierarchy: Sequence[str], known: Collection[str]) -> list[list[str]]:

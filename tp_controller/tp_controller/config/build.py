@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 from tp_controller.config.schema import (
@@ -27,15 +26,15 @@ from tp_controller.robot import (
     Limits,
     Response,
     Robot,
+    clad,
     dh_description,
     dh_robot,
     read_description,
-    robot_bodies,
     urdf_robot,
 )
-from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS, robot_links
+from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
 from tp_controller.robot.response import KEYS as RESPONSE
-from tp_controller.robot.srdf import SRDF, disabled_pairs
+from tp_controller.robot.srdf import SRDF
 from tp_controller.solvers import SOLVER_TYPES, Inverse
 from tp_controller.stack import Stack, split_hierarchy
 from tp_controller.tasks import TASK_TYPES, Task
@@ -181,18 +180,10 @@ def _described(values: Flat, received: str | None) -> Robot:
 
 
 def _clad(robot: Robot, description: str | None, values: Flat) -> Robot:
-    """Let a robot know the shapes of its links; meshes are read when a task needs them.
-
-    Which pairs of them are never looked at is known at once.
-    """
-    if values[SRDF] is not None:
-        robot.disabled_pairs = disabled_pairs(values[SRDF], robot_links(robot))
     capsules = {
         key.removeprefix(CAPSULES): values[key] for key in values if key.startswith(CAPSULES)
     }
-    radius = values[LINK_RADIUS]
-    robot_bodies(robot, None, radius, capsules)
-    robot.body_source = partial(robot_bodies, robot, description, radius, capsules)
+    clad(robot, description, values[LINK_RADIUS], capsules, values[SRDF])
     return robot
 
 
@@ -214,9 +205,11 @@ def build_stack(robot: Robot, values: Flat) -> Stack:
         _objective(robot, values),
         values['solver.saturation'],
     )
-    return Stack(
-        robot, tasks, values['hierarchy'], solver, _period(values), values['solver.settle']
-    )
+    named = {task.name: task for task in tasks}
+    levels = [
+        [named[name] for name in names] for names in split_hierarchy(values['hierarchy'], named)
+    ]
+    return Stack(robot, levels, solver, values['rate'], tasks, values['solver.settle'])
 
 
 def _period(values: Flat) -> float:

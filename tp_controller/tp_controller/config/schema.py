@@ -6,17 +6,17 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from tp_controller.errors import NO_VALUE, InvalidValue, shown
+from tp_controller.errors import NO_VALUE, InvalidValue
 from tp_controller.objectives import OBJECTIVE_TYPES
 from tp_controller.parameters import (
     BOOLEAN,
-    NAME,
     NUMBER,
     NUMBERS,
     REQUIRED,
     TEXT,
     TEXTS,
     Parameter,
+    check_name,
 )
 from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
 from tp_controller.robot.dh import CONVENTIONS, JOINT_TYPES
@@ -124,7 +124,7 @@ SHARED: Mapping[str, Parameter] = {
 CONTROLLER: Mapping[str, Parameter] = {
     **SHARED,
     'solver.type': Parameter(
-        TEXT, 'How the levels are resolved', default='recursive', choices=tuple(SOLVER_TYPES)
+        TEXT, 'How the levels are resolved', default='recursive', choices=SOLVER_TYPES
     ),
     'solver.inverse': Parameter(
         TEXT,
@@ -166,7 +166,7 @@ CONTROLLER: Mapping[str, Parameter] = {
     'solver.objective.type': Parameter(
         TEXT,
         'What projected_gradient and extended_jacobian make large',
-        choices=tuple(OBJECTIVE_TYPES),
+        choices=OBJECTIVE_TYPES,
     ),
     'rate': Parameter(
         NUMBER,
@@ -301,13 +301,8 @@ def task_schema(name: str, flat: Mapping[str, Any]) -> dict[str, Parameter]:
     InvalidValue
         For a name that cannot stand in a topic name, or no known type.
     """
-    if not NAME.fullmatch(name):
-        raise InvalidValue(
-            f'tasks.{name[:80]}',
-            f'a task called {shown(name)}',
-            'names of up to 80 letters, digits and _ that begin with a letter',
-        )
-    kind = Parameter(TEXT, COMMON['type'].description, REQUIRED, choices=tuple(TASK_TYPES))
+    check_name(name)
+    kind = Parameter(TEXT, COMMON['type'].description, REQUIRED, choices=TASK_TYPES)
     key = f'tasks.{name}.type'
     if flat.get(key) is None:
         raise InvalidValue(key, NO_VALUE, kind.accepts)

@@ -5,6 +5,7 @@ from tp_controller.robot.collision import Clearance
 from tp_controller.robot.description import dh_description, same_description
 from tp_controller.robot.dh import DHParameters, dh_robot
 from tp_controller.robot.limits import Limits
+from tp_controller.robot.make import clad
 from tp_controller.robot.model import Coupling, Frame, Robot
 from tp_controller.robot.pairs import link_pairs, obstacle_clearance, self_clearance
 from tp_controller.robot.response import Response
@@ -23,6 +24,7 @@ __all__ = [
     'Robot',
     'Shape',
     'capsule',
+    'clad',
     'dh_description',
     'dh_robot',
     'half_space',

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -113,6 +114,73 @@ class Robot:
         self.body_source: Callable[[], Mapping[str, tuple[Shape, ...]]] = dict
         """Makes `bodies` when they are first asked for."""
         self.update(self._q)
+
+    @staticmethod
+    def from_urdf(
+        path: str | os.PathLike[str],
+        joints: Sequence[str] | None = None,
+        base_frame: str | None = None,
+        limits: Mapping[str, float | Sequence[float]] | None = None,
+        rest_positions: Mapping[str, float] | None = None,
+        link_radius: float | Sequence[float] | None = None,
+        srdf: str | None = None,
+    ) -> Robot:
+        """Make a robot of a URDF file; its links are the frames.
+
+        Parameters
+        ----------
+        path
+            A path, or ``package://<package>/<path>``, see `read_description`.
+        joints, base_frame, rest_positions
+            As `urdf_robot`.
+        limits
+            Limits by name in place of the description's, as the arguments of `Limits`.
+        link_radius
+            Radius [m] of capsules along the links, see `robot_bodies`; the description's
+            collision shapes when left out.
+        srdf
+            Path of an SRDF whose ``disable_collisions`` tasks leave out.
+
+        Raises
+        ------
+        InvalidValue
+            If there is no such file or it cannot be used.
+        """
+        from tp_controller.robot.make import robot_from_urdf
+
+        return robot_from_urdf(path, joints, base_frame, limits, rest_positions, link_radius, srdf)
+
+    @staticmethod
+    def from_dh(
+        a: Sequence[float],
+        alpha: Sequence[float] | None = None,
+        d: Sequence[float] | None = None,
+        theta: Sequence[float] | None = None,
+        types: Sequence[str] | None = None,
+        **others: Any,
+    ) -> Robot:
+        """Make a robot of Denavit-Hartenberg parameters, with the frames ``link_1`` and so on.
+
+        Parameters
+        ----------
+        a, alpha, d, theta
+            Link lengths [m], twists [rad], offsets [m] and angles [rad] of the joints (n,), see
+            `DHParameters`; zero when left out.
+        types
+            ``revolute`` or ``prismatic`` (n,); revolute when left out.
+        others
+            ``joints`` (names; ``joint_1`` and so on when left out), ``base_frame``,
+            ``base_pose``, ``convention`` as `dh_robot`, ``limits`` and ``link_radius`` as
+            `from_urdf`.
+
+        Raises
+        ------
+        InvalidValue
+            As `dh_robot`.
+        """
+        from tp_controller.robot.make import robot_from_dh
+
+        return robot_from_dh(a, alpha, d, theta, types, **others)
 
     @property
     def model(self) -> pin.Model:

@@ -208,7 +208,7 @@ class Cycle:
             step_time = self._time_of_step(arrival, again)
             refusal: UnusableState | None = None
             try:
-                step = self._stack.step(self._q, step_time, self._qd)
+                step = self._stack.step_in_place(self._q, step_time, self._qd)
                 command, scale = step.command, step.scale
             except UnusableState as error:
                 refusal, command = error, error.command

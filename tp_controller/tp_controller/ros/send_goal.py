@@ -16,7 +16,7 @@ from rclpy.utilities import remove_ros_args
 
 from tp_controller.errors import InvalidValue, TaskPriorityError, listed
 from tp_controller.ros.arguments import one_line
-from tp_controller.ros.goals import GOAL_TYPES, goal_message
+from tp_controller.ros.goals import goal_message
 from tp_interfaces.msg import ControllerState, TaskState
 
 REFUSED = 2
@@ -132,7 +132,7 @@ class _GoalSender:
         before = self._task(arguments.task)
         msg = goal_message(before, arguments.values, arguments.frame)
         publisher = self._node.create_publisher(
-            GOAL_TYPES[before.type], f'{self._controller}/{arguments.task}/goal', 10
+            type(msg), f'{self._controller}/{arguments.task}/goal', 10
         )
         self._wait(
             lambda: publisher.get_subscription_count() > 0,

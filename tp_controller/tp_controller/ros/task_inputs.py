@@ -13,8 +13,9 @@ from rclpy.subscription import Subscription
 
 from tp_controller.config import Settings
 from tp_controller.errors import InvalidValue
+from tp_controller.ros.codecs import codec_of
 from tp_controller.ros.feedforward import FeedforwardOverrides
-from tp_controller.ros.goals import FEEDFORWARD_TYPES, GOAL_TYPES, GoalReader
+from tp_controller.ros.goals import GoalReader
 from tp_controller.ros.polled import subscribe, take
 from tp_controller.ros.state import StateMessage
 from tp_controller.ros.warnings import Warnings
@@ -111,13 +112,16 @@ class TaskInputs:
 
     def listen(self, task: Task) -> Iterator[None]:
         """Take goals and feedforwards of a task, with a pause after each subscription."""
-        for types, what, handler in (
-            (GOAL_TYPES, 'goal', self._on_goal),
-            (FEEDFORWARD_TYPES, 'feedforward', self._on_feedforward),
+        codec = codec_of(task)
+        if codec is None:
+            return
+        for message, what, handler in (
+            (codec.message, 'goal', self._on_goal),
+            (codec.feedforward_message, 'feedforward', self._on_feedforward),
         ):
-            if task.type in types:
+            if message is not None:
                 name = f'~/{task.name}/{what}'
-                subscription = subscribe(self._node, types[task.type], name, 1)
+                subscription = subscribe(self._node, message, name, 1)
                 self._topics.append(_Topic(subscription, task, what, handler))
                 yield
 

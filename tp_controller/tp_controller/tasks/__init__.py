@@ -1,6 +1,11 @@
 """Tasks by the type names of parameter files."""
 
-from tp_controller.tasks.base import COMMON, Task
+from collections.abc import Mapping
+from typing import Any
+
+from tp_controller.errors import InvalidValue, listed
+from tp_controller.plugins import Registry, check_class
+from tp_controller.tasks.base import COMMON, Common, Task
 from tp_controller.tasks.clearance import ClearanceTask
 from tp_controller.tasks.frame import FrameTask
 from tp_controller.tasks.gaze import GazeTask
@@ -14,34 +19,48 @@ from tp_controller.tasks.position import PositionTask
 from tp_controller.tasks.posture import PostureTask
 from tp_controller.tasks.self_collision import SelfCollisionTask
 from tp_controller.tasks.set_based import SetBasedTask, Switching
-from tp_controller.tasks.whole_arm import WholeArmTask
+from tp_controller.tasks.whole_arm import Measures, WholeArmTask
 
-TASK_TYPES: dict[str, type[Task]] = {
-    task.type: task
-    for task in (
-        PositionTask,
-        OrientationTask,
-        PoseTask,
-        GazeTask,
-        JointTask,
-        PostureTask,
-        ManipulabilityTask,
-        JointLimitsTask,
-        ObstacleTask,
-        SelfCollisionTask,
-    )
-}
-"""Task classes by the ``type`` of parameter files."""
+_OWN: tuple[type[Task], ...] = (
+    PositionTask,
+    OrientationTask,
+    PoseTask,
+    GazeTask,
+    JointTask,
+    PostureTask,
+    ManipulabilityTask,
+    JointLimitsTask,
+    ObstacleTask,
+    SelfCollisionTask,
+)
+
+
+def _check(name: str, kind: Any) -> None:
+    check_class(Task, name, kind)
+    parameters = getattr(kind, 'parameters', None)
+    if not isinstance(parameters, Mapping):
+        raise InvalidValue(name, 'no parameters', 'a dictionary of Parameter')
+    if taken := parameters.keys() & COMMON:
+        got = f'parameters {listed(sorted(taken))}'
+        raise InvalidValue(name, got, 'names that no other task has for something else')
+
+
+TASK_TYPES: Registry[type[Task]] = Registry(
+    'tp_controller.tasks', {task.type: task for task in _OWN}, _check
+)
+"""Task classes by the ``type`` of parameter files; other packages may add some."""
 
 __all__ = [
     'COMMON',
     'TASK_TYPES',
     'ClearanceTask',
+    'Common',
     'FrameTask',
     'GazeTask',
     'JointLimitsTask',
     'JointTask',
     'ManipulabilityTask',
+    'Measures',
     'ObstacleTask',
     'OrientationTask',
     'PoseTask',

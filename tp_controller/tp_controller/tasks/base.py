@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,21 @@ LARGEST = 1e9
 """Size of a value of a target, feedforward or gain up to which nothing is lost to rounding."""
 OSCILLATING, OVERSHOOTING = 2.0, 1.0
 """Gains times the period from which on an error grows, or changes its sign, at every step."""
+
+
+class Common(TypedDict, total=False):
+    """Settings that every task takes as keyword arguments; properties of the same names."""
+
+    gain: float | Sequence[float]
+    """Gain [1/s]: one value, one per row, or a full matrix (k, k) row by row; 1 when left out."""
+    feedforward: Sequence[float] | Vector
+    """Desired task velocity (k,) added to the gain term; zero when left out."""
+    target: Sequence[float] | Vector
+    """Desired value (target_size,); that at the first step when left out."""
+    inverse: Inverse
+    """How its level is inverted; what is left open is the solver's way."""
+    weight: float
+    """Weight in the scheme ``weighted``; 1 when left out."""
 
 
 class Task(ABC):
@@ -119,10 +134,30 @@ class Task(ABC):
         self.revision = 0
         self._rows: CompiledRows | None = None
 
+    def set(self, settings: Common) -> None:
+        """Set several settings by name.
+
+        Raises
+        ------
+        InvalidValue
+            For a value that cannot be used.
+        TypeError
+            For another name.
+        """
+        for key, value in settings.items():
+            if key not in Common.__annotations__:
+                kind = self.__class__.__name__
+                raise TypeError(f'{kind}() got an unexpected keyword argument {key!r}')
+            setattr(self, key, value)
+
     @classmethod
-    @abstractmethod
     def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> Task:
-        """Make the task from the checked values of its `parameters`."""
+        """Make the task from the checked values of its `parameters`.
+
+        Unless overridden, the constructor is called with those that have a value, by name.
+        """
+        given = {key: values[key] for key in cls.parameters if values.get(key) is not None}
+        return cls(name, robot, **given)
 
     @property
     def frame_name(self) -> str:
@@ -303,8 +338,8 @@ class Task(ABC):
         return self._K.copy()
 
     @gain.setter
-    def gain(self, values: Sequence[float]) -> None:
-        self._K = self.check_gain(values)
+    def gain(self, values: float | Sequence[float]) -> None:
+        self._K = self.check_gain([values] if isinstance(values, int | float) else values)
         self.revision += 1
 
     def check_gain(self, values: Sequence[float]) -> Matrix:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,11 @@ from numpy.typing import NDArray
 from tp_controller.parameters import TEXT, Parameter
 from tp_controller.robot import Robot
 from tp_controller.tasks.frame import FRAME, LABELS, FrameTask
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from tp_controller.tasks.base import Common
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -41,6 +46,8 @@ class GazeTask(FrameTask):
         Name of the controlled frame.
     axis
         The axis that points, a letter out of xyz, with a minus for the other way.
+    settings
+        Gain, target and the like, see `Common`.
     """
 
     type = 'gaze'
@@ -50,7 +57,9 @@ class GazeTask(FrameTask):
     }
     target_words = 'point x y z [m]'
 
-    def __init__(self, name: str, robot: Robot, frame: str, axis: str = 'z') -> None:
+    def __init__(
+        self, name: str, robot: Robot, frame: str, axis: str = 'z', **settings: Unpack[Common]
+    ) -> None:
         AXIS.read('axis', axis)
         index = 'xyz'.index(axis[-1])
         others = sorted({0, 1, 2} - {index})
@@ -58,6 +67,7 @@ class GazeTask(FrameTask):
         self._others = np.array(others)
         self._a = np.zeros(3)
         self._a[index] = -1.0 if axis.startswith('-') else 1.0
+        self.set(settings)
 
     @classmethod
     def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> GazeTask:

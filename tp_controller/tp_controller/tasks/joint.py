@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,11 @@ from tp_controller.parameters import REQUIRED, TEXTS, Parameter
 from tp_controller.robot import Robot
 from tp_controller.tasks.base import Task
 from tp_controller.tasks.parts import JOINTS, Part
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from tp_controller.tasks.base import Common
 
 Vector = NDArray[np.float64]
 
@@ -31,6 +36,8 @@ class JointTask(Task):
         The robot that carries the task out.
     joints
         Names of the controlled joints.
+    settings
+        Gain, target and the like, see `Common`.
     """
 
     type = 'joint'
@@ -39,7 +46,9 @@ class JointTask(Task):
     }
     target_words = 'position per joint [rad, m]'
 
-    def __init__(self, name: str, robot: Robot, joints: Sequence[str]) -> None:
+    def __init__(
+        self, name: str, robot: Robot, joints: Sequence[str], **settings: Unpack[Common]
+    ) -> None:
         indices = robot.joint_indices(joints)
         if not indices:
             raise InvalidValue('joints', 'no joint', f'some of {listed(robot.joints)}')
@@ -48,6 +57,7 @@ class JointTask(Task):
         self._q = robot.q
         self._wrapping = [row for row, i in enumerate(indices) if robot.wrapping[i]]
         self.J[np.arange(self.k), self._indices] = 1.0
+        self.set(settings)
 
     @classmethod
     def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> JointTask:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,11 @@ from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.parameters import NUMBERS, TEXTS, Parameter
 from tp_controller.robot import Limits, Robot
 from tp_controller.tasks.set_based import THRESHOLDS, SetBasedTask, Switching
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from tp_controller.tasks.base import Common
 
 Vector = NDArray[np.float64]
 
@@ -35,6 +40,8 @@ class JointLimitsTask(SetBasedTask):
         Time [s] of one step; infinite if unknown.
     switching
         How the rows come in and go out.
+    settings
+        Gain, target and the like, see `Common`.
 
     Raises
     ------
@@ -67,6 +74,7 @@ class JointLimitsTask(SetBasedTask):
         upper: Sequence[float] | None = None,
         period: float = math.inf,
         switching: Switching = Switching(),  # noqa: B008 - a value
+        **settings: Unpack[Common],
     ) -> None:
         names = robot.joints if joints is None else tuple(joints)
         indices = np.array(robot.joint_indices(names))
@@ -77,6 +85,7 @@ class JointLimitsTask(SetBasedTask):
         reach = np.eye(robot.n)[indices]
         super().__init__(name, robot, names, reach, period, switching)
         self._marked = np.zeros(len(names))
+        self.set(settings)
 
     @classmethod
     def from_parameters(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,11 @@ from tp_controller.objectives import ManipulabilityObjective
 from tp_controller.parameters import Parameter
 from tp_controller.robot import Robot
 from tp_controller.tasks.base import Task
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from tp_controller.tasks.base import Common
 
 Vector = NDArray[np.float64]
 
@@ -31,6 +36,8 @@ class ManipulabilityTask(Task):
         The robot that carries the task out.
     measure
         The measure.
+    settings
+        Gain, target and the like, see `Common`.
     """
 
     type = 'manipulability'
@@ -39,10 +46,13 @@ class ManipulabilityTask(Task):
     target_words = ''
     feeds_back = False
 
-    def __init__(self, name: str, robot: Robot, measure: ManipulabilityObjective) -> None:
+    def __init__(
+        self, name: str, robot: Robot, measure: ManipulabilityObjective, **settings: Unpack[Common]
+    ) -> None:
         super().__init__(name, robot, robot.joints)
         self._measure = measure
         self.J[:] = np.eye(robot.n)
+        self.set(settings)
 
     @classmethod
     def from_parameters(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,11 @@ from tp_controller.robot import Robot
 from tp_controller.tasks.frame import LABELS, axis_rows
 from tp_controller.tasks.set_based import THRESHOLDS, SetBasedTask, Switching
 from tp_controller.tasks.whole_arm import SHAPES, Measures, WholeArmTask
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from tp_controller.tasks.base import Common
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -44,6 +49,8 @@ class ObstacleTask(SetBasedTask):
         Time [s] of one step; infinite if unknown.
     switching
         How the row comes in and goes out.
+    settings
+        Gain, target and the like, see `Common`.
 
     Raises
     ------
@@ -98,6 +105,7 @@ class ObstacleTask(SetBasedTask):
         axes: str = 'xyz',
         period: float = math.inf,
         switching: Switching = Switching(),  # noqa: B008 - a value
+        **settings: Unpack[Common],
     ) -> None:
         self.frame, self.reference = robot.frame(frame), robot.base
         self.rows = np.array(axis_rows('axes', axes))
@@ -110,6 +118,7 @@ class ObstacleTask(SetBasedTask):
             self.target = center
         except InvalidValue as error:
             raise InvalidValue('center', error.got, error.accepts) from None
+        self.set(settings)
 
     @classmethod
     def from_parameters(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,11 @@ from tp_controller.rotations import (
 )
 from tp_controller.tasks.frame import FRAME, VIEW, FrameTask, axis_rows
 from tp_controller.tasks.parts import HEADING, ROTATION, TILT, Part
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from tp_controller.tasks.base import Common
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -58,6 +63,8 @@ class OrientationTask(FrameTask):
         Name of the reference frame; the base when left out.
     axes_frame
         Name of the frame whose axes are meant; the reference when left out.
+    settings
+        Gain, target and the like, see `Common`.
     """
 
     type = 'orientation'
@@ -75,6 +82,7 @@ class OrientationTask(FrameTask):
         axes: str = 'xyz',
         relative_to: str | None = None,
         axes_frame: str | None = None,
+        **settings: Unpack[Common],
     ) -> None:
         rows = axis_rows('axes', axes, first=3)
         super().__init__(name, robot, frame, rows, relative_to, axes_frame)
@@ -85,6 +93,7 @@ class OrientationTask(FrameTask):
         # A free axis that is fixed to the frame itself turns with it.
         self._carried = self._own_axes and _same_body(robot, self.axes, self.frame)
         self._R_des: Matrix = np.eye(3)
+        self.set(settings)
 
     @classmethod
     def from_parameters(

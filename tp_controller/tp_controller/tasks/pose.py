@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,11 @@ from tp_controller.tasks.frame import FRAME, VIEW, FrameTask, axis_rows
 from tp_controller.tasks.orientation import OrientationTask
 from tp_controller.tasks.parts import Part
 from tp_controller.tasks.position import PositionTask
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from tp_controller.tasks.base import Common
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -39,6 +44,8 @@ class PoseTask(FrameTask):
         Name of the reference frame; the base when left out.
     axes_frame
         Name of the frame whose axes are meant; the reference when left out.
+    settings
+        Gain, target and the like, see `Common`.
     """
 
     type = 'pose'
@@ -62,6 +69,7 @@ class PoseTask(FrameTask):
         orientation_axes: str = 'xyz',
         relative_to: str | None = None,
         axes_frame: str | None = None,
+        **settings: Unpack[Common],
     ) -> None:
         position_rows = axis_rows('position_axes', position_axes)
         orientation_rows = axis_rows('orientation_axes', orientation_axes, first=3)
@@ -71,6 +79,7 @@ class PoseTask(FrameTask):
         self._turn = OrientationTask(name, robot, frame, orientation_axes, *views)
         self._split = self._place.target_size
         self.place(self.J, self.error)
+        self.set(settings)
 
     def place(self, J: Matrix, error: Vector) -> None:
         """Keep Jacobian and error in given arrays (k, n) and (k,) from now on."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,11 @@ from tp_controller.parameters import TEXT, Parameter
 from tp_controller.robot import Robot
 from tp_controller.tasks.frame import FRAME, LABELS, VIEW, FrameTask, axis_rows
 from tp_controller.tasks.parts import POSITION, Part
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from tp_controller.tasks.base import Common
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -39,6 +44,8 @@ class PositionTask(FrameTask):
         Name of the reference frame; the base when left out.
     axes_frame
         Name of the frame whose axes are meant; the reference when left out.
+    settings
+        Gain, target and the like, see `Common`.
     """
 
     type = 'position'
@@ -57,10 +64,12 @@ class PositionTask(FrameTask):
         axes: str = 'xyz',
         relative_to: str | None = None,
         axes_frame: str | None = None,
+        **settings: Unpack[Common],
     ) -> None:
         super().__init__(name, robot, frame, axis_rows('axes', axes), relative_to, axes_frame)
         # Along axes of its own the error needs all of the target.
         self._targeted = np.arange(3) if self._own_axes else self.rows
+        self.set(settings)
 
     @classmethod
     def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> PositionTask:

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from tp_controller.parameters import Parameter
 from tp_controller.robot import Robot
 from tp_controller.tasks.joint import JointTask
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from tp_controller.tasks.base import Common
 
 
 class PostureTask(JointTask):
@@ -21,13 +26,15 @@ class PostureTask(JointTask):
         Name of the task.
     robot
         The robot that carries the task out.
+    settings
+        Gain, target and the like, see `Common`.
     """
 
     type = 'posture'
     parameters: ClassVar[Mapping[str, Parameter]] = {}
 
-    def __init__(self, name: str, robot: Robot) -> None:
-        super().__init__(name, robot, robot.joints)
+    def __init__(self, name: str, robot: Robot, **settings: Unpack[Common]) -> None:
+        super().__init__(name, robot, robot.joints, **settings)
 
     @classmethod
     def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> PostureTask:

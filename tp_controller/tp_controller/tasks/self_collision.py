@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,11 @@ from tp_controller.parameters import BOOLEAN, TEXTS, Parameter
 from tp_controller.robot import Robot, self_clearance
 from tp_controller.tasks.clearance import ClearanceTask
 from tp_controller.tasks.set_based import THRESHOLDS, Switching
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from tp_controller.tasks.base import Common
 
 Vector = NDArray[np.float64]
 
@@ -47,6 +52,8 @@ class SelfCollisionTask(ClearanceTask):
         Time [s] of one step; infinite if unknown.
     switching
         How the rows come in and go out.
+    settings
+        Gain, target and the like, see `Common`.
 
     Raises
     ------
@@ -82,6 +89,7 @@ class SelfCollisionTask(ClearanceTask):
         period: float = math.inf,
         switching: Switching = Switching(),  # noqa: B008 - a value
         push_apart: bool = False,
+        **settings: Unpack[Common],
     ) -> None:
         chosen = None if pairs is None else _split('pairs', pairs)
         clearance = self_clearance(robot, robot.bodies, chosen, _split('ignore', ignore))
@@ -92,6 +100,7 @@ class SelfCollisionTask(ClearanceTask):
         self._waits: NDArray[np.bool_] = np.zeros(self.k, dtype=bool)
         self._loose = self._waits.copy()
         self._any_waits = False
+        self.set(settings)
 
     @classmethod
     def from_parameters(

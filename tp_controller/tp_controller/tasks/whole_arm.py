@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +16,11 @@ from tp_controller.robot.shapes import rotation_to
 from tp_controller.rotations import rotation_from_quaternion
 from tp_controller.tasks.clearance import ClearanceTask
 from tp_controller.tasks.set_based import Switching
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from tp_controller.tasks.base import Common
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -117,6 +122,8 @@ class WholeArmTask(ClearanceTask):
         Time [s] of one step; infinite if unknown.
     switching
         How the rows come in and go out.
+    settings
+        Gain, target and the like, see `Common`.
 
     Raises
     ------
@@ -139,6 +146,7 @@ class WholeArmTask(ClearanceTask):
         links: Sequence[str] | None = None,
         period: float = math.inf,
         switching: Switching = Switching(),  # noqa: B008 - a value
+        **settings: Unpack[Common],
     ) -> None:
         self.reference = robot.base
         obstacle = measures.shape(shape, np.zeros(3))
@@ -150,6 +158,7 @@ class WholeArmTask(ClearanceTask):
             raise InvalidValue('center', error.got, error.accepts) from None
         self._placed = np.zeros(0)
         self._follow()
+        self.set(settings)
 
     @classmethod
     def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> WholeArmTask:

@@ -1,0 +1,1 @@
+"""A task type of its own package."""
