@@ -31,7 +31,7 @@ ROS_KEYS = {
     'yaml': 'python3-yaml',
 }
 # Modules without a ROS key, which tools/setup.sh installs.
-WITHOUT_KEY = {'daqp'}
+WITHOUT_KEY = {'daqp', 'dask', 'distributed', 'pyarrow'}
 
 
 def check_colcon() -> Iterator[str]:

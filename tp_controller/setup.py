@@ -27,6 +27,7 @@ setup(
     zip_safe=True,
     entry_points={
         'console_scripts': [
+            'batch = tp_controller.batch.command:main',
             'controller = tp_controller.ros.controller_main:main',
             'measure_arm = tp_controller.ros.measure_arm:main',
             'send_goal = tp_controller.ros.send_goal:main',
