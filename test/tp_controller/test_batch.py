@@ -23,8 +23,16 @@ def plan(config, name='b3_pressed', **given):
     return plan_batch(values, **({'seconds': SECONDS, 'runs': 4, 'seed': 3} | given))
 
 
-@pytest.mark.parametrize('scheme', ['recursive', 'hqp'])
-@pytest.mark.parametrize('name', ['b3_pressed', 'panda', 'panda_table'])
+@pytest.mark.parametrize(
+    ('name', 'scheme'),
+    [
+        ('b3_pressed', 'recursive'),
+        ('b3_pressed', 'hqp'),
+        ('panda', 'recursive'),
+        ('panda', 'hqp'),
+        ('panda_table', 'recursive'),
+    ],
+)
 def test_a_run_is_bit_identical_to_plain_steps(config, name, scheme):
     batch = plan(config, name, schemes=[scheme], gain=(0.5, 2.0), seconds=0.1)
     row = run_part(batch, scheme, 0, 4)[3]

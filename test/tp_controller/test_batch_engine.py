@@ -1,6 +1,8 @@
 """Batches on Dask: the same results from any number of workers, and what a user can get wrong."""
 
 import socket
+import subprocess
+import sys
 
 import pyarrow.parquet as pq
 import pytest
@@ -165,9 +167,31 @@ def test_a_cluster_without_workers_is_refused(batch, monkeypatch):
     monkeypatch.setattr('tp_controller.batch.engine.PATIENCE', 0.5)
     with (
         LocalCluster(n_workers=0, processes=False, **QUIET) as empty,
-        pytest.raises(InvalidValue, match='without workers; accepts a cluster whose workers'),
+        pytest.raises(InvalidValue, match='without workers; accepts a cluster with workers'),
     ):
         run_batch(batch, empty.scheduler_address)
+
+
+def test_a_scheduler_that_is_lost_is_one_line(batch):
+    with LocalCluster(n_workers=1, threads_per_worker=1, processes=False, **QUIET) as running:
+
+        def lose(_):
+            running.close()
+
+        with pytest.raises(InvalidValue, match='then no answer any more; accepts the address'):
+            run_batch(batch, running.scheduler_address, progress=lose)
+
+
+def test_dask_arrow_and_matplotlib_are_loaded_by_a_batch_only():
+    script = """
+import sys, tp_controller.batch
+print(*(name for name in ('dask', 'distributed', 'pyarrow', 'matplotlib') if name in sys.modules))
+import tp_controller.ros.controller
+print([name for name in sys.modules if name.startswith('tp_controller.batch.plots')])
+"""
+    code = [sys.executable, '-c', script]
+    done = subprocess.run(code, capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == '\n[]\n'
 
 
 def test_the_interval_of_a_share():

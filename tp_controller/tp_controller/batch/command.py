@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -105,7 +106,17 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _silence() -> None:
+    """Leave it to `main` to say what went wrong: Dask's own messages fill pages."""
+    import distributed  # noqa: F401 - sets the levels of its loggers
+
+    for name in list(logging.root.manager.loggerDict):
+        if name.partition('.')[0] == 'distributed':
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+
+
 def _run(given: argparse.Namespace) -> None:
+    _silence()
     check_engine(given.scheduler, given.workers)
     batch = _plan(given)
     check_folder(given.out)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from tp_controller.batch.measures import Row, Runner
 from tp_controller.batch.plan import Batch
 from tp_controller.batch.table import table_of
-from tp_controller.errors import InvalidValue, TaskPriorityError, shown
+from tp_controller.errors import InvalidValue, shown
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -60,13 +60,14 @@ def run_batch(
     Raises
     ------
     InvalidValue
-        If ``scheduler`` or ``workers`` cannot be used.
-    TaskPriorityError
-        If workers were lost again and again.
+        If ``scheduler`` or ``workers`` cannot be used; if the connection to the scheduler is
+        lost, or workers end again and again.
     """
     check_engine(scheduler, workers)
     with _connected(scheduler, workers) as client:
         from distributed import as_completed
+        from distributed.client import FutureCancelledError
+        from distributed.comm import CommClosedError
         from distributed.scheduler import KilledWorker
 
         threads = max(sum(client.nthreads().values()), 1)
@@ -81,10 +82,11 @@ def run_batch(
                 if progress is not None:
                     progress(len(found))
         except KilledWorker:
-            raise TaskPriorityError(
-                'workers: got workers that ended several times in the same runs; accepts workers '
-                'with enough memory'
-            ) from None
+            reason = 'workers that ended several times in the same runs'
+            raise InvalidValue('workers', reason, 'workers with enough memory') from None
+        except (FutureCancelledError, CommClosedError):
+            reason = f'{shown(scheduler)}, then no answer any more'
+            raise InvalidValue('scheduler', reason, ADDRESS) from None
         finally:
             client.cancel(futures)
     return table_of(batch, [rows[key] for key in sorted(rows)])
@@ -165,7 +167,7 @@ def _connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
 
 
 def _check_workers(client: Any, scheduler: str) -> None:
-    accepts = 'a cluster whose workers have this version of tp_controller'
+    accepts = 'a cluster with workers that can import this version of tp_controller'
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
         client.submit(_probe, pure=False).result(PATIENCE)

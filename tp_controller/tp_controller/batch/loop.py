@@ -103,19 +103,23 @@ def close_loop(stack: Stack, start: Vector, steps: int, tasks: Sequence[str]) ->
         Configurations, commands and errors of all steps.
     """
     period, n = stack.safety_filter.period, stack.robot.n
-    q, commands = np.empty((2, steps, n))
+    q, commands = np.empty((steps + 1, n)), np.empty((steps, n))
     braked, refused = np.zeros((2, steps), dtype=bool)
-    watched = [stack.tasks[name] for name in tasks]
-    errors = [np.empty((steps, task.k)) for task in watched]
-    here = np.array(start, dtype=float)
+    errors = [np.empty((steps, stack.tasks[name].k)) for name in tasks]
+    watched = [(stack.tasks[name], rows) for name, rows in zip(tasks, errors, strict=True)]
+    q[0] = start
+    way = np.empty(n)
     for i in range(steps):
-        q[i] = here
-        commands[i], braked[i], refused[i] = answer(stack, here, period)
-        for task, rows in zip(watched, errors, strict=True):
+        here, command = q[i], commands[i]
+        command[:], brakes, refuses = answer(stack, here, period)
+        if brakes:
+            braked[i], refused[i] = True, refuses
+        for task, rows in watched:
             rows[i] = task.error
-        here = here + period * commands[i]
+        np.multiply(period, command, out=way)
+        np.add(here, way, out=q[i + 1])
     norms = {
         name: np.sqrt(np.sum(rows * rows, axis=1))
         for name, rows in zip(tasks, errors, strict=True)
     }
-    return Trace(q, commands, norms, braked, refused)
+    return Trace(q[:-1], commands, norms, braked, refused)

@@ -21,8 +21,8 @@ Rows = list[dict[str, Any]]
 COLORS: Sequence[Any] = mpl.color_sequences['tab10']
 Z = 1.96
 """Standard deviations of a 95 % interval."""
-BINS = 10
-"""Intervals of gain that the success is shown for."""
+BINS, RUNS_PER_BIN = 10, 20
+"""Most intervals of gain that the success is shown for, and runs in each of them on average."""
 LIMITS = {
     'velocity_use': 'velocity',
     'range_use': 'range',
@@ -72,12 +72,13 @@ def draw_success(by_scheme: Mapping[str, Rows], facts: Mapping[str, Any], path: 
     """Draw the share of runs that reached their goals, and by gain where gains are random."""
     low, high = facts['gain']
     panels = 2 if high > low else 1
+    bins = min(max(facts['runs'] // RUNS_PER_BIN, 1), BINS)
     figure = Figure(figsize=(2.0 + 4.0 * panels, 4.0), layout='constrained')
     axes = figure.subplots(1, panels, squeeze=False)[0]
     for i, (scheme, rows) in enumerate(by_scheme.items()):
         _bar(axes[0], i, rows, scheme, COLORS[i % len(COLORS)])
         if panels == 2:
-            _by_gain(axes[1], rows, np.linspace(low, high, BINS + 1), COLORS[i % len(COLORS)])
+            _by_gain(axes[1], rows, np.linspace(low, high, bins + 1), COLORS[i % len(COLORS)])
     axes[0].set_yticks(range(len(by_scheme)), list(by_scheme))
     axes[0].set_ylim(len(by_scheme) - 0.4, -0.6)
     axes[0].set_xlim(0.0, 100.0)
@@ -132,7 +133,7 @@ def draw_time(by_scheme: Mapping[str, Rows], facts: Mapping[str, Any], path: Pat
     axes.set_xlim(0.0, seconds)
     axes.set_ylim(0.0, 103.0)
     axes.set_xlabel('time [s]')
-    axes.set_ylabel('runs at their goals for good [%]')
+    axes.set_ylabel('runs that stay at their goals [%]')
     axes.grid(alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=130)
@@ -143,7 +144,7 @@ def draw_clearance(by_scheme: Mapping[str, Rows], path: Path) -> None:
     figure = Figure(figsize=(6.5, 4.0), layout='constrained')
     axes = figure.subplots()
     _shares(axes, by_scheme, 'clearance', 'no task of the hierarchy keeps a distance')
-    axes.axvline(0.0, color='0.3', linestyle='--', linewidth=1.0)
+    _mark(axes, 0.0, 'contact')
     axes.set_xlabel('least distance of a run [m]')
     axes.set_ylabel('runs with at most this distance [%]')
     figure.savefig(path, dpi=130)
@@ -156,12 +157,28 @@ def draw_limits(by_scheme: Mapping[str, Rows], path: Path) -> None:
         figure.subplots(1, 3, sharey=True), LIMITS.items(), strict=True
     ):
         _shares(axes, by_scheme, name, f'no limit of {words}')
-        axes.axvline(1.0, color='0.3', linestyle='--', linewidth=1.0)
+        _mark(axes, 1.0, 'limit')
         most = max([1.0, *(use for rows in by_scheme.values() for use in column(rows, name))])
         axes.set_xlim(0.0, 1.05 * most)
         axes.set_xlabel(f'worst {words} / limit')
     figure.axes[0].set_ylabel('runs with at most this use [%]')
     figure.savefig(path, dpi=130)
+
+
+def _mark(axes: Axes, value: float, text: str) -> None:
+    axes.axvline(value, color='0.3', linestyle='--', linewidth=1.0)
+    axes.annotate(
+        text,
+        (value, 0.5),
+        xycoords=('data', 'axes fraction'),
+        xytext=(-4, 0),
+        textcoords='offset points',
+        rotation=90,
+        ha='right',
+        va='center',
+        color='0.3',
+        fontsize=9,
+    )
 
 
 def _shares(axes: Axes, by_scheme: Mapping[str, Rows], name: str, otherwise: str) -> None:
