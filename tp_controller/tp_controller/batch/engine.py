@@ -140,11 +140,14 @@ def _parts(batch: Batch, threads: int) -> list[tuple[str, int, int]]:
 @contextmanager
 def _connected(scheduler: str | None, workers: int | None) -> Iterator[Any]:
     """Client of a cluster that has a worker; an own cluster ends with it."""
+    import dask
     from dask.system import CPU_COUNT
     from distributed import Client, LocalCluster
 
     if scheduler is None:
         with (
+            # Sampling the workers' stacks costs some per cent of their time.
+            dask.config.set({'distributed.worker.profile.enabled': False}),
             LocalCluster(
                 n_workers=workers or CPU_COUNT,
                 threads_per_worker=1,
