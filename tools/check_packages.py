@@ -30,8 +30,8 @@ ROS_KEYS = {
     'rich': 'python3-rich',
     'yaml': 'python3-yaml',
 }
-# Modules without a ROS key: daqp, which tools/setup.sh installs, and names for mypy alone.
-WITHOUT_KEY = {'daqp', 'typing_extensions'}
+# Modules without a ROS key, which tools/setup.sh installs, and names for mypy alone.
+WITHOUT_KEY = {'daqp', 'dask', 'distributed', 'pyarrow', 'typing_extensions'}
 
 
 def check_colcon() -> Iterator[str]:

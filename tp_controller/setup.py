@@ -38,6 +38,7 @@ REQUIREMENTS = [
     'PyYAML',
 ]
 EXTRAS = {
+    'batch': ['dask[distributed]', 'matplotlib', 'pyarrow<26', 'rich'],
     'robots': ['example-robot-data>=4.4'],  # URDFs of real arms
     'test': ['hypothesis', 'pytest', 'pytest-timeout'],
 }
@@ -50,6 +51,7 @@ for_ros = {
     ],
     'entry_points': {
         'console_scripts': [
+            'batch = tp_controller.batch.command:main',
             'controller = tp_controller.ros.controller_main:main',
             'measure_arm = tp_controller.ros.measure_arm:main',
             'send_goal = tp_controller.ros.send_goal:main',

@@ -26,6 +26,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from tp_controller.batch.draws import random_configuration
 from tp_controller.config import build_robot, build_settings, describe_robot, read_parameter_file
 from tp_controller.config.build import read_parameters
 from tp_controller.errors import InvalidValue, TaskPriorityError, UnusableState
@@ -50,8 +51,6 @@ Vector = NDArray[np.float64]
 
 BROKEN, REFUSED, INTERRUPTED = 1, 2, 130
 SECONDS_PER_GOAL = 10.0
-TURN = 2.0 * math.pi
-"""Range [rad] of random positions of a joint without limits."""
 UNLIKELY = 1e-9
 """Probability of more losses in a row than the controller is told of."""
 
@@ -390,13 +389,8 @@ def declaration(plant: Plant, period: float) -> dict[str, Any]:
 def _places(
     robot: Robot, tasks: Sequence[PositionTask], rng: np.random.Generator
 ) -> Iterator[list[Vector]]:
-    limits = robot.limits
-    low, high = (
-        np.where(np.isfinite(ends), ends, 0.5 * sign * TURN)
-        for ends, sign in ((limits.position_min, -1.0), (limits.position_max, 1.0))
-    )
     while True:
-        robot.update(rng.uniform(low, high))
+        robot.update(random_configuration(robot.limits, rng))
         far = rng.choice([1.0, rng.uniform(0.7, 1.3)])
         yield [far * robot.frame(task.frame_name).position[task.rows] for task in tasks]
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tp_controller.distances import Distances
 from tp_controller.stack import Stack
 from tp_controller.tasks import PositionTask, SetBasedTask
 
@@ -86,7 +87,7 @@ class Watch:
         self._acted = [task.acting.copy() for task in self._sets]
         n = stack.robot.n
         self._before, self._sign = np.zeros((2, n))
-        self._bounds = [_Distances(task, n) for task in _sets(truth)]
+        self._bounds = [Distances(task, n) for task in _sets(truth)]
         self.steps = self.activations = self.braked = self.astray = 0
         self.reversals = self.resting = self.goals = self.reached = 0
         self.distance = self.room = math.inf
@@ -98,7 +99,7 @@ class Watch:
         self.steps += 1
         placed = False
         for distances in self._bounds:
-            if distances.may_be_below(self.distance, q):
+            if distances.first_below(self.distance, q[None]) == 0:
                 if not placed:
                     self._truth.robot.place(q)
                     placed = True
@@ -167,26 +168,6 @@ class Watch:
             seconds,
             allowance,
         )
-
-
-class _Distances:
-    """Distances of a task, computed only where they can be less than those seen before."""
-
-    def __init__(self, task: SetBasedTask, n: int) -> None:
-        self._task = task
-        self._distance, self._q = np.full(task.k, -math.inf), np.zeros(n)
-
-    def may_be_below(self, bound: float, q: Vector) -> bool:
-        """Whether a distance may be less than a bound, by how fast distances can change."""
-        with np.errstate(invalid='ignore'):
-            lower = self._distance - self._task.reach @ np.abs(q - self._q)
-        return not np.all(lower >= bound)
-
-    def look(self, q: Vector) -> float:
-        """Least distance at ``q`` (n,), where the robot was placed."""
-        self._task.probe(self._distance)
-        self._q[:] = q
-        return float(self._distance.min())
 
 
 def _sets(stack: Stack) -> list[SetBasedTask]:
