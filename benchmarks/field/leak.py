@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from field.cases import Case, hand_tasks
-from field.processes import LIBRARIES, CannotDo, Library
+from field.processes import LIBRARIES, Library
 from field.robots import HAND, panda
+from field.serving import CannotDo
 from field.states import random_states
 from field.timing import open_sides
 from tp_controller.robot import Robot, urdf_robot

@@ -36,7 +36,8 @@ def plot_times(
         for j, case in enumerate(cases):
             times, place = found[case.name][library.label], j + (i - 2.5) * width
             if isinstance(times, str):
-                axes.text(place, 11.0, '–', ha='center', color=COLORS[library.label])
+                where = {'ha': 'center', 'rotation': 90, 'fontsize': 8}
+                axes.text(place, 11.0, 'not possible', color=COLORS[library.label], **where)
                 continue
             label = library.label if j == 0 else None
             axes.bar(place, times.median, width, color=COLORS[library.label], label=label)
@@ -103,14 +104,14 @@ def plot_scaling(curves: Mapping[str, Curve], path: Path) -> None:
     for axes, (name, curve) in zip(plots, curves.items(), strict=True):
         for label, points in curve.items():
             sizes = np.array(sorted(points))
-            middle = [points[size].median for size in sizes]
-            late = [points[size].late for size in sizes]
+            middle = [points[size].median * 1e-3 for size in sizes]
+            late = [points[size].late * 1e-3 for size in sizes]
             axes.plot(sizes, middle, 'o-', color=COLORS[label], label=label, markersize=4)
             axes.fill_between(sizes, middle, late, color=COLORS[label], alpha=0.2, linewidth=0)
         axes.set_xlabel(name)
         axes.set_ylim(bottom=0.0)
         axes.grid(alpha=0.3)
-    plots[0].set_ylabel('processor time of a step [µs]')
+    plots[0].set_ylabel('processor time of a step [ms]')
     plots[0].legend(fontsize=9)
     _save(figure, path)
 

@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from field.serving import CannotDo
+
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 
@@ -36,10 +38,6 @@ LIBRARIES = (
 
 class NotInstalled(Exception):
     """The environment of a library cannot be made on this machine."""
-
-
-class CannotDo(Exception):
-    """A library has no such task or limit; the message says which."""
 
 
 class Side:
@@ -96,8 +94,6 @@ class Side:
             'start': start,
             'stop': stop,
         }
-        assert self._process.stdin
-        assert self._process.stdout
         with contextlib.suppress(BrokenPipeError):
             print(json.dumps(request), file=self._process.stdin, flush=True)
         line = self._process.stdout.readline()
@@ -110,7 +106,6 @@ class Side:
 
     def stop(self) -> None:
         """End the process."""
-        assert self._process.stdin
         self._process.stdin.close()
         self._process.wait()
         self._log.close()

@@ -6,9 +6,10 @@ from typing import NamedTuple
 import numpy as np
 
 from field.cases import Case
-from field.processes import LIBRARIES, CannotDo, Library, NotInstalled, Side
+from field.processes import LIBRARIES, Library, NotInstalled, Side
+from field.serving import CannotDo
 
-BUDGET = 60.0
+BUDGET = 20.0
 """Time [s] after which a side has no further turn in a case."""
 
 
