@@ -24,6 +24,9 @@ def time_rows(found: Mapping[str, Times | str]) -> tuple[list[list[str]], list[s
     found
         Times by label, or why there are none.
     """
+    whole = max(
+        (len(times.durations) for times in found.values() if isinstance(times, Times)), default=0
+    )
     medians = {label: times.median for label, times in found.items() if isinstance(times, Times)}
     rows, notes = [], []
     for library in LIBRARIES:
@@ -41,6 +44,8 @@ def time_rows(found: Mapping[str, Times | str]) -> tuple[list[list[str]], list[s
         rows.append([label, f'{times.median:.1f}', f'{times.late:.1f}', *ratios, lost])
         if times.failed:
             notes.append(f'{label} without an answer: {shortened(times.reason)}')
+        if len(times.durations) < whole:
+            notes.append(f'{label}: timed for {len(times.durations)} of {whole} steps.')
     return rows, notes
 
 

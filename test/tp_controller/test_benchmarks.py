@@ -72,12 +72,13 @@ def test_the_table_of_times_says_why_a_library_has_none(benchmarks):
 
     found = dict.fromkeys(('PlaCo', 'Pink', 'mink'), 'no acceleration limit')
     found |= {'recursive': Times(np.full(10, 20.0), 0, ''), 'hqp': Times(np.full(10, 40.0), 0, '')}
-    found |= {'OInK': Times(np.full(10, 10.0), 1, 'infeasible')}
+    found |= {'OInK': Times(np.full(5, 10.0), 1, 'infeasible')}
     rows, notes = time_rows(found)
-    assert rows[2] == ['OInK', '10.0', '10.0', '2.00', '4.00', '10.0 %']
+    assert rows[2] == ['OInK', '10.0', '10.0', '2.00', '4.00', '20.0 %']
     assert rows[3] == ['PlaCo', *[NONE] * 5]
     assert notes[0] == 'OInK without an answer: infeasible'
-    assert notes[1] == 'PlaCo: no acceleration limit.'
+    assert notes[1] == 'OInK: timed for 5 of 10 steps.'
+    assert notes[2] == 'PlaCo: no acceleration limit.'
 
 
 def test_a_block_of_a_page_is_replaced_between_its_markers(benchmarks):
