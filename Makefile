@@ -28,5 +28,5 @@ bench: setup
 	@source ./setup.bash && python benchmarks/run.py
 
 clean:
-	rm -rf .venv .venv-pink build install log out .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-* build install log out .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -17,9 +17,10 @@ import time
 os.environ.update({f'{name}_NUM_THREADS': '1' for name in ('OMP', 'OPENBLAS', 'MKL')})
 
 import numpy as np
+from field.cases import PANDA_JOINTS, POSTURE
+from field.robots import HAND, PANDA
 from rich.console import Console
 from rich.table import Table
-from step_time import FRAME, JOINTS, POSTURE, URDF
 
 from tp_controller import build_settings
 
@@ -43,8 +44,8 @@ class Side:
     """A stack and its arm."""
 
     def __init__(self, scheme: str, bounded: bool) -> None:
-        hand = {'frame': FRAME, 'gain': [3.0]}
-        robot = {'urdf': URDF, 'joints': JOINTS}
+        hand = {'frame': HAND, 'gain': [3.0]}
+        robot = {'urdf': PANDA, 'joints': PANDA_JOINTS}
         tasks = {
             'place': {'type': 'position', **hand},
             'turn': {'type': 'orientation', **hand},
@@ -55,7 +56,7 @@ class Side:
         if bounded:
             robot['limits'] = {'acceleration': [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]}
             for name, center in SPHERES.items():
-                ball = {'type': 'obstacle', 'frame': FRAME, 'center': center, 'radius': RADIUS}
+                ball = {'type': 'obstacle', 'frame': HAND, 'center': center, 'radius': RADIUS}
                 tasks[name] = ball
             levels = [*SPHERES, *levels]
         self.stack = build_settings(block | {'hierarchy': levels, 'tasks': tasks}).stack

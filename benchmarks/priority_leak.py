@@ -21,6 +21,7 @@ from typing import Any
 os.environ.update({f'{name}_NUM_THREADS': '1' for name in ('OMP', 'OPENBLAS', 'MKL')})
 
 import numpy as np
+from field.leak import change, random_goals
 from rich.console import Console
 from rich.table import Table
 
@@ -103,21 +104,18 @@ def draw(
     robot = stacks[0].robot
     q = random.uniform(robot.limits.position_min, robot.limits.position_max)
     before = random.uniform(-0.5, 0.5, robot.n) * limit
-    targets = [random.normal(size=3), random.normal(size=4), random.normal(size=robot.n)]
+    targets = random_goals(random, robot.n)
     got = []
     for stack in stacks:
         for name, target in zip(names, targets, strict=True):
             stack.tasks[name].target = target
         stack.rest()
         got.append([level.achieved.copy() for level in stack.step(q, qd=before).levels])
-    found = []
-    for level in range(2):
-        alone = got[level][level]
-        size = max(1.0, float(np.linalg.norm(alone)))
-        found.append(
-            max(float(np.linalg.norm(one[level] - alone)) / size for one in got[level + 1 :])
-        )
-    return found
+    # As a share of the level's velocity, or of 1 if it is smaller.
+    return [
+        change(got[level][level], [one[level] for one in got[level + 1 :]], 1.0)
+        for level in range(2)
+    ]
 
 
 def main() -> int:

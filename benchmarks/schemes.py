@@ -12,10 +12,11 @@ import os
 import time
 
 import numpy as np
+from field.cases import PANDA_GOAL, PANDA_JOINTS, POSTURE
+from field.robots import HAND, PANDA
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
-from step_time import FRAME, GOAL, JOINTS, POSTURE, URDF
 
 from tp_controller import build_settings
 from tp_controller.rotations import quaternion_from_rotation
@@ -24,11 +25,11 @@ from tp_controller.solvers import INVERSES, SOLVER_TYPES
 
 def stack_of(scheme: str, inverse: str):
     """Stack of both levels under a scheme; its goal is the hand's pose at one configuration."""
-    hand = {'frame': FRAME}
+    hand = {'frame': HAND}
     stack = build_settings(
         {
             'rate': 1000.0,
-            'robot': {'urdf': URDF, 'joints': JOINTS},
+            'robot': {'urdf': PANDA, 'joints': PANDA_JOINTS},
             'solver': {
                 'type': scheme,
                 'inverse': inverse,
@@ -41,8 +42,8 @@ def stack_of(scheme: str, inverse: str):
             },
         }
     ).stack
-    stack.robot.update(np.array(GOAL))
-    frame = stack.robot.frame(FRAME)
+    stack.robot.update(np.array(PANDA_GOAL))
+    frame = stack.robot.frame(HAND)
     stack.tasks['place'].target = frame.position
     stack.tasks['turn'].target = quaternion_from_rotation(frame.rotation)
     return stack
