@@ -236,7 +236,7 @@ def test_a_class_of_this_process_can_be_added_once():
     assert list(registry) == ['posture', 'frame_distance']
     with pytest.raises(InvalidValue, match='a second kind of that name'):
         registry.add('frame_distance', FrameDistanceTask)
-    with pytest.raises(InvalidValue, match=r'Task without .*update'):
+    with pytest.raises(InvalidValue, match=r'Task without .*current'):
         registry.add('task', Task)
 
 
