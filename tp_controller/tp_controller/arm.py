@@ -93,7 +93,8 @@ class Arm:
         n = len(joints)
         self.response, self.period, self.step = response, period, period
         self._timed = math.isfinite(period)
-        if not (response.ideal or self._timed):
+        self._ideal, self._exact = response.ideal, response.exact
+        if not (self._ideal or self._timed):
             accepts = 'a number above 0, for robot.delay, lag, noise or hold'
             raise InvalidValue('rate', NO_VALUE, accepts)
         self._joints, self._n = tuple(joints), n
@@ -112,6 +113,9 @@ class Arm:
         self.held_upper, self.held_lower = np.zeros((2, held, n))
         self._allowed = self._allowed_time()
         self._memory = max(MEMORY, 2.0 * self._allowed)
+        self._tolerances = np.array(
+            [JUMP, JUMP_LEAST, FARTHEST, self._memory, PARTED, self._allowed, SLOWER]
+        )
         self.rest()
         self._past_state, self._past = self._state.copy(), self._numbers()
 
@@ -214,19 +218,50 @@ class Arm:
             self._z[:] = q
             return True
         passed = self._pass(elapsed)
-        if self.response.ideal and elapsed is None:
+        if self._ideal and elapsed is None:
             self._p[:] = self._z[:] = self._q[:] = q
             self._blind = False
             return True
-        self._advance(passed)
         if self._blind:
+            self._advance(passed)
             credible = self._accept(q, before, qd)
+        elif self._kernel.follow(q, self._now, passed, *self._arguments(before)):
+            self._doubted, credible = False, True
+            self._judge(q, before)
+            if self.following or self._ideal:
+                return True
         else:
-            credible = self._credible(q, passed, before, qd)
+            credible = self._believe(q, passed, before, qd)
             if credible:
                 self._correct(q, passed, before)
         self._refer()
         return credible
+
+    def _arguments(self, before: Vector) -> tuple[Any, ...]:
+        """What `tp_controller.following.follow` is to be called with, after the times."""
+        response = self.response
+        return (
+            self._times,
+            self._commands,
+            self._head,
+            self.limit,
+            response.delay,
+            response.lag,
+            response.noise,
+            response.hold,
+            self._ideal,
+            self._exact,
+            self.period,
+            self.step,
+            self._tolerances,
+            before,
+            self._state,
+            self._found,
+            self.upper,
+            self.lower,
+            self.held_upper,
+            self.held_lower,
+        )
 
     def go_on(self, elapsed: float) -> None:
         """Let time [s] pass in which no state came.
@@ -248,7 +283,7 @@ class Arm:
     def _advance(self, passed: float) -> None:
         """Let the model carry out what was sent, until now."""
         response = self.response
-        if response.ideal:
+        if self._ideal:
             self._p += passed * self._commands[self._head]
             return
         self._kernel.advance(
@@ -310,26 +345,9 @@ class Arm:
         self._now += passed
         return passed
 
-    def _credible(self, q: Vector, passed: float, before: Vector, qd: Vector | None) -> bool:
-        """Whether the arm can have come to a position; the second one like it is believed."""
-        found = self._found
-        self._kernel.judge(
-            q,
-            passed,
-            self._commands[self._head],
-            self.limit,
-            self.response.noise,
-            self.period,
-            JUMP,
-            JUMP_LEAST,
-            FARTHEST,
-            self._state,
-            found,
-        )
-        if found[1] <= 0.0:
-            self._doubted = False
-            return True
-        joint = int(found[0])
+    def _believe(self, q: Vector, passed: float, before: Vector, qd: Vector | None) -> bool:
+        """Whether a position is the second one of its kind that the arm cannot have come to."""
+        joint = int(self._found[0])
         self.notice = (
             f'{self._joints[joint]} jumped by {float(q[joint] - self._p[joint]):.4g}, '
             f'more than it can move in {passed:.3g} s'
@@ -354,7 +372,7 @@ class Arm:
 
     def _correct(self, q: Vector, passed: float, before: Vector) -> None:
         """Bring the model to within the noise of the measured position."""
-        response, found = self.response, self._found
+        response = self.response
         self._kernel.correct(
             q,
             passed,
@@ -363,13 +381,18 @@ class Arm:
             self._memory,
             PARTED,
             self._allowed,
-            response.ideal,
+            self._ideal,
             self.period,
             SLOWER,
             before,
             self._state,
-            found,
+            self._found,
         )
+        self._judge(q, before)
+
+    def _judge(self, q: Vector, before: Vector) -> None:
+        """See whether the arm follows, by how far it has parted from the model."""
+        found = self._found
         if found[1] > 1.0:
             self.following = False
         elif found[1] < BACK:
@@ -382,7 +405,7 @@ class Arm:
             f'{abs(float(self._parted[joint])):.3g} '
             f'{"less" if self._short(joint) else "farther"} than commanded'
         )
-        if not response.ideal:
+        if not self._ideal:
             self._p[:] = q
             before[:] = _nearer_zero(before, self._velocity(q))
 
@@ -404,37 +427,25 @@ class Arm:
         return (q - self._measured[i]) / float(age[i])
 
     def _refer(self) -> None:
-        response, kernel = self.response, self._kernel
-        if response.exact:
-            self._z[:] = self._p
-        else:
-            kernel.refer(
-                self._now,
-                self._times,
-                self._commands,
-                self._head,
-                response.delay,
-                response.lag,
-                self.period,
-                self._state,
-            )
-        if not response.ideal:
-            kernel.farthest(
-                self._now,
-                self._times,
-                self._commands,
-                self._head,
-                response.delay,
-                response.lag,
-                response.hold,
-                self.period,
-                self.step,
-                self._state,
-                self.upper,
-                self.lower,
-                self.held_upper,
-                self.held_lower,
-            )
+        response = self.response
+        self._kernel.expect(
+            self._now,
+            self._times,
+            self._commands,
+            self._head,
+            response.delay,
+            response.lag,
+            response.hold,
+            self._exact,
+            self._ideal,
+            self.period,
+            self.step,
+            self._state,
+            self.upper,
+            self.lower,
+            self.held_upper,
+            self.held_lower,
+        )
 
     def line(
         self,

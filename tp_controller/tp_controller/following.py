@@ -498,3 +498,154 @@ def correct(  # type: ignore[no-untyped-def]
                 elif abs(moved) < abs(before[i]):
                     before[i] = moved
         state[Q, i] = q[i]
+
+
+@njit(
+    void(
+        float64,
+        COLUMN,
+        ROWS,
+        int64,
+        FIXED,
+        FIXED,
+        float64,
+        boolean,
+        boolean,
+        float64,
+        float64,
+        ROWS,
+        COLUMN,
+        COLUMN,
+        ROWS,
+        ROWS,
+    ),
+    cache=True,
+)
+def expect(  # type: ignore[no-untyped-def]
+    now,
+    times,
+    commands,
+    head,
+    delay,
+    lag,
+    hold,
+    exact,
+    ideal,
+    period,
+    step,
+    state,
+    upper,
+    lower,
+    held_upper,
+    held_lower,
+):
+    """Fill the row `Z`, and for an arm that is not ideal how far it may get; as `follow`."""
+    if exact:
+        for i in range(upper.size):
+            state[Z, i] = state[P, i]
+    else:
+        refer(now, times, commands, head, delay, lag, period, state)
+    if not ideal:
+        farthest(
+            now, times, commands, head, delay, lag, hold, period, step, state, upper, lower,
+            held_upper, held_lower,
+        )  # fmt: skip
+
+
+@njit(
+    int64(
+        COLUMN,
+        float64,
+        float64,
+        COLUMN,
+        ROWS,
+        int64,
+        FIXED,
+        FIXED,
+        FIXED,
+        FIXED,
+        float64,
+        boolean,
+        boolean,
+        float64,
+        float64,
+        FIXED,
+        COLUMN,
+        ROWS,
+        COLUMN,
+        COLUMN,
+        COLUMN,
+        ROWS,
+        ROWS,
+    ),
+    cache=True,
+)
+def follow(  # type: ignore[no-untyped-def]
+    q,
+    now,
+    passed,
+    times,
+    commands,
+    head,
+    limit,
+    delay,
+    lag,
+    noise,
+    hold,
+    ideal,
+    exact,
+    period,
+    step,
+    tolerances,
+    before,
+    state,
+    result,
+    upper,
+    lower,
+    held_upper,
+    held_lower,
+):
+    """Go on to a measured position (n,): `advance`, `judge`, `correct`, `refer` and `farthest`.
+
+    Parameters
+    ----------
+    q, limit, noise, before, result
+        As `judge` and `correct`.
+    now, passed, times, commands, head, delay, lag, hold, period, step, state
+        As `advance` and `farthest`.
+    ideal, exact
+        Whether the arm does exactly what it is commanded to; whether its model is known to be
+        where the arm is.
+    tolerances
+        ``times``, ``least`` and ``farthest`` of `judge`, then ``memory``, ``parted``,
+        ``allowed`` and ``slower`` of `correct` (7,).
+    upper, lower, held_upper, held_lower
+        Results, as those of `farthest`.
+
+    Returns
+    -------
+    int
+        0 if the position cannot be believed, and nothing but the first step was done then; 1
+        otherwise.
+    """
+    command = commands[head]
+    if ideal:
+        for i in range(q.size):
+            state[P, i] += passed * command[i]
+    else:
+        advance(now, passed, times, commands, head, delay, lag, hold, period, state)
+    judge(
+        q, passed, command, limit, noise, period, tolerances[0], tolerances[1], tolerances[2],
+        state, result,
+    )  # fmt: skip
+    if result[1] > 0.0:
+        return 0
+    correct(
+        q, passed, command, noise, tolerances[3], tolerances[4], tolerances[5], ideal, period,
+        tolerances[6], before, state, result,
+    )  # fmt: skip
+    expect(
+        now, times, commands, head, delay, lag, hold, exact, ideal, period, step, state, upper,
+        lower, held_upper, held_lower,
+    )  # fmt: skip
+    return 1
