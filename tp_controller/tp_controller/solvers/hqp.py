@@ -179,15 +179,19 @@ class HQPSolver(Solver):
         self._qd, self._bounds = qd, bounds
         self._shares[:] = 1.0
         self._settled = False
-        if self._suits(J, velocity, bounds):
+        suits = self._suits(J, velocity, bounds)
+        # Where a level loses, that all levels together are inside the bounds says little: those
+        # below may have led back.
+        sure = suits and len(self._groups) == 1
+        if not sure and curvature and self._settle(J, velocity, bounds, qd, curvature):
+            self.proven = True
+            return float(self.shares.min(initial=1.0))
+        if suits:
             qd[:] = self._free
             self.problem.take(J, asked)
             self.proven = True
             self.acting[self._one_sided] = False
             return 1.0
-        if curvature is not None and self._settle(J, velocity, bounds, qd, curvature):
-            self.proven = True
-            return float(self.shares.min(initial=1.0))
         # Copies: the robot's may not be written to, which makes them another type to numba.
         self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
         self.proven = self.problem.solve(J, asked, self._lower, self._upper, qd)

@@ -42,6 +42,8 @@ FIRST = 1
 """Index of the first level, below that of the joints."""
 FAILED, DONE = 0, 1
 """What `resolve` returns, beside `UNKNOWN`."""
+OUTSIDE = 4
+"""What `_recur` returns without bounds, where the answer of a level and those above breaks one."""
 
 VERDICTS = (10, 9)
 """Row of the workspace that tells what `settle` found last in every level."""
@@ -449,6 +451,9 @@ def _recur(  # type: ignore[no-untyped-def]
         )  # fmt: skip
         if result != DONE:
             return result
+        # Levels below may lead back inside; what this one gets may not depend on that.
+        if not bounded and not _keeps(J, velocity, low, high, sided, end, qd):
+            return OUTSIDE
         verdicts[level] = found
         shares[level] = share_of[0]
         if found != NOTHING and m > 0:
@@ -527,13 +532,13 @@ def _broken(J, velocity, sided, first, end, qd, order, residual, stops, level): 
 
 
 @njit(cache=True)
-def _keeps(J, velocity, low, high, sided, qd):  # type: ignore[no-untyped-def]
-    """Whether a velocity (n,) keeps all bounds and least rates."""
+def _keeps(J, velocity, low, high, sided, end, qd):  # type: ignore[no-untyped-def]
+    """Whether a velocity (n,) keeps all bounds and the least rates of rows before ``end``."""
     n = qd.size
     for c in range(n):
         if not low[c] <= qd[c] <= high[c]:
             return False
-    for r in range(n, velocity.size):
+    for r in range(n, end):
         if sided[r]:
             rate, length = 0.0, 0.0
             for c in range(n):
@@ -583,12 +588,12 @@ def resolve(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Resolve levels one after the other inside the bounds.
 
-    First without bounds: where that answer keeps them all it is the one. Else each level starts
-    from the velocity of those above it, the first from that which the joints have, and may use
-    what they leave; see `_serve`. So a level that cannot get all of a change keeps to the way
-    from what it has to what it asks for, whatever lower levels did before. What no level uses
-    is brought to rest. Levels above are never touched. Least rates of one-sided rows
-    are bounds for their own level and those below.
+    First without bounds: where that answer keeps them all, level by level, it is the one. Else
+    each level starts from the velocity of those above it, the first from that which the joints
+    have, and may use what they leave; see `_serve`. So a level that cannot get all of a change
+    keeps to the way from what it has to what it asks for, whatever lower levels did before.
+    What no level uses is brought to rest. Levels above are never touched. Least rates of one-
+    sided rows are bounds for their own level and those below.
 
     Parameters
     ----------
@@ -651,7 +656,9 @@ def resolve(  # type: ignore[no-untyped-def]
         low, high, firm_low, firm_high, sided, weight, work, shares, stops, settling, offset,
         errors, hessians, bends, before, change, dt, qd,
     )  # fmt: skip
-    if result != DONE or _keeps(J, velocity, low, high, sided, qd):
+    if result != OUTSIDE and (
+        result != DONE or _keeps(J, velocity, low, high, sided, velocity.size, qd)
+    ):
         return result
     return _recur(
         J, asked, feedforward, velocity, acts, starts, rules, basis, tolerance, boolean(True),
