@@ -194,6 +194,26 @@ def test_a_bound_is_never_above_its_distance_and_near_ones_are_exact(arm, obstac
             np.testing.assert_array_equal(probed, kept.distance)
 
 
+def test_where_iterations_fail_what_was_known_counts_and_the_way_is_that_of_the_middles(
+    monkeypatch,
+):
+    robot = planar_robot(1.0, 1.0)
+    bodies = robot_bodies(robot, link_radius=[0.1])
+    clearance = obstacle_clearance(robot, bodies, sphere(0.2, [1.0, 1.0, 0.0]), ['link_1'])
+    clearance._copies, clearance._found = True, np.zeros_like(clearance._found)
+    clearance.update()
+    before = clearance.distance.copy()
+    robot.update(np.array([0.1, 0.0]))
+    monkeypatch.setattr(clearance, '_copy', lambda count: clearance._found.fill(math.nan))
+    clearance.update()
+    np.testing.assert_allclose(clearance.distance, before - 0.1 * clearance.reach[:, 0])
+    # The middle of the link is at half its length, the obstacle's at (1, 1).
+    middle = 0.5 * np.array([np.cos(0.1), np.sin(0.1)])
+    way = (np.array([1.0, 1.0]) - middle) / np.linalg.norm(np.array([1.0, 1.0]) - middle)
+    turn = np.array([-middle[1], middle[0]])
+    np.testing.assert_allclose(clearance.slope, [[-way @ turn, 0.0]], atol=1e-9)
+
+
 def test_of_far_rows_only_the_least_distance_is_computed_anew(monkeypatch):
     robot = planar_robot(1.0, 1.0)
     clearance = obstacle_clearance(

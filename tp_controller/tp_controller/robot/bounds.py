@@ -129,8 +129,8 @@ def slopes(  # type: ignore[no-untyped-def]
     Parameters
     ----------
     results, ways
-        Results (p, `WIDTH`), and directions (p, 3) from the first shape to the second that take
-        the place of normals that are missing; zero where unknown.
+        Results (p, `WIDTH`), and what takes the place of results that are missing (p, 6): a
+        direction from the first shape to the second, zero where unknown, and a point.
     lower, starts
         Distances (p,) of the pairs, and the first pair (k,) of every row.
     distance, threshold
@@ -163,13 +163,17 @@ def slopes(  # type: ignore[no-untyped-def]
             if lower[i] < lower[pair]:
                 pair = i
         x, y, z = results[pair, NORMAL], results[pair, NORMAL + 1], results[pair, NORMAL + 2]
-        if not 0.5 < x * x + y * y + z * z < 2.0:
+        a, b, c = results[pair, POINT], results[pair, POINT + 1], results[pair, POINT + 2]
+        failed = not abs(results[pair, DISTANCE]) < FAILED
+        if failed or not 0.5 < x * x + y * y + z * z < 2.0:
             x, y, z = ways[pair, 0], ways[pair, 1], ways[pair, 2]
             if x == y == z == 0.0:
                 near[missing] = pair
                 missing += 1
                 continue
-        a, b, c = results[pair, POINT], results[pair, POINT + 1], results[pair, POINT + 2]
+        if failed:
+            # Nothing of what failed iterations leave can be used.
+            a, b, c = ways[pair, 3], ways[pair, 4], ways[pair, 5]
         i, j, k = b * z - c * y, c * x - a * z, a * y - b * x
         for m in range(twists.shape[0]):
             side = sides[row, m]

@@ -132,7 +132,7 @@ class Clearance:
         # For every pair of shapes: a distance, the configuration of it, and the bound that is
         # left of it.
         self._known, self._lower = np.full(pairs, -math.inf), np.full(pairs, -math.inf)
-        self._anchor, self._ways = np.zeros((pairs, n)), np.zeros((pairs, 3))
+        self._anchor, self._ways = np.zeros((pairs, n)), np.zeros((pairs, 6))
         S = None if robot.coupling is None else robot.coupling.S
         self._S: Matrix = np.zeros((0, 0)) if S is None else np.array(S, dtype=float, order='C')
         self._coupled = S is not None
@@ -283,13 +283,14 @@ class Clearance:
         for pair in self._near[:count].tolist():
             self._found[pair] = _result(self._results.distanceResults[pair])
 
-    def _any_way(self, pair: int) -> list[float]:
-        """Direction (3,) from the middle of one shape to that of the other, or any."""
+    def _any_way(self, pair: int) -> Vector:
+        """Direction from the middle of one shape to that of the other, or any; the middle (6,)."""
         ends = self._geometry.collisionPairs[pair]
         one, other = (self._results.oMg[i].translation for i in (ends.first, ends.second))
         way = other - one
         length = float(np.linalg.norm(way))
-        return (way / length).tolist() if length > 0.0 else [0.0, 0.0, -1.0]
+        direction = way / length if length > 0.0 else np.array([0.0, 0.0, -1.0])
+        return np.concatenate([direction, one])
 
     def _nearest_pair(self, row: int) -> int:
         start = int(self._starts[row])
