@@ -253,3 +253,21 @@ def test_a_step_that_is_taken_back_gives_the_same_command_again():
             stack.undo()
             assert stack.step(q).command.tobytes() == command.tobytes()
         q = q + 0.01 * command
+
+
+def test_a_hand_that_slides_along_a_sphere_needs_few_looks_ahead():
+    stack = guarded(
+        planar_block(0.5, 0.4, 0.3),
+        {'velocity': [3.0], 'acceleration': [4.0]},
+        {'ball': obstacle('link_3', [0.8, 0.0, 0.0], 0.2)},
+        rate=1000.0,
+    )
+    q, probes, distance = np.array([0.9, -0.4, -0.2]), [], []
+    for i in range(6000):
+        if i % 1500 == 0:
+            stack.tasks['end'].target = [0.8, -0.18 if i % 3000 == 0 else 0.18, 0.0]
+        q = q + stack.step(q).command / 1000.0
+        probes.append(stack.safety_filter._ahead.probes)
+        distance.append(float(stack.tasks['ball'].distance[0]))
+    assert 0.0 < min(distance) < 0.02
+    assert 0 < max(probes) <= 8

@@ -22,7 +22,7 @@ LEEWAY = 1e-3
 """By how much [m, rad] a distance that is negative may be lower between two samples: with bounds
 alone nothing can be proven of one that must not become smaller at all."""
 PROBES = 200
-"""Configurations that are looked at before a command counts as unsafe."""
+"""Configurations that are looked at in one step; what is not proven by then counts as unsafe."""
 
 Near = list[tuple[SetBasedTask, slice]]
 """Tasks with the rows of their distances."""
@@ -53,6 +53,8 @@ class Lookahead:
         Whether the braking trajectory found last has all joints stop at the same time.
     short
         Names of the tasks whose distances forbade the last command.
+    probes
+        How many configurations were looked at for the last command, apart from the ends.
     """
 
     def __init__(self, robot: Robot, arm: Arm, tasks: Iterable[SetBasedTask]) -> None:
@@ -79,7 +81,7 @@ class Lookahead:
         self._rest, self._way, self._speed, self._q = np.zeros((4, robot.n))
         self._acceleration = robot.limits.acceleration
         self._line = np.zeros((4, robot.n))
-        self._budget = 0
+        self.probes = 0
         self.together = self._past_together = True
         self.short: tuple[str, ...] = ()
 
@@ -101,6 +103,7 @@ class Lookahead:
     def begin(self) -> None:
         """Take over the distances of the tasks' last update, at the reference configuration."""
         self._q[:] = self._arm.z
+        self.probes = 0
         self.short = ()
         for task, part in self.tasks:
             self._distance[part] = task.distance
@@ -122,7 +125,7 @@ class Lookahead:
         acceleration
             Limits (n,) in changes of velocity by `Arm.step`.
         """
-        self._budget, self._acceleration = PROBES, acceleration
+        self._acceleration = acceleration
         if self._late:
             return self._stops_late(command)
         accelerates = bool(np.isfinite(acceleration).any())
@@ -189,7 +192,9 @@ class Lookahead:
         """Whether distances are large enough between two steps of the braking trajectory.
 
         No joint turns back while it brakes, so that no distance changes by more than the lengths
-        of the joints' ways allow. Where that does not tell, the step in the middle is looked at.
+        of the joints' ways allow. The trajectory leaves the straight line between its ends by no
+        more than the acceleration allows, not at all where the joints brake together. Where
+        neither tells, the step in the middle is looked at.
 
         Parameters
         ----------
@@ -210,10 +215,18 @@ class Lookahead:
             return True
         if steps[1] - steps[0] <= 1:
             return self._straight(near, before, after, first, last)
+        near = [(task, part) for task, part in near if short[part].any()]
+        if not together:
+            time = (steps[1] - steps[0]) * self._arm.step
+            aside = np.minimum(np.abs(after - before), 0.125 * time * time * self._acceleration)
+            self._bend += self._reach @ aside
+        short &= self._lowest_between(near, before, after) < self._required
+        if not short.any():
+            return True
         self.short = _below(near, np.where(short, -np.inf, np.inf), self._required)
-        if self._budget <= 0:
+        if self.probes >= PROBES:
             return False
-        self._budget -= 1
+        self.probes += 1
         middle = (steps[0] + steps[1]) // 2
         braking.coast(
             command, self._acceleration, self._arm.step, together, middle, self._way, self._speed
@@ -288,6 +301,21 @@ class Lookahead:
         for task, part in near:
             task.probe(out[part], enough[part])
 
+    def _lowest_between(self, near: Near, before: Vector, after: Vector) -> Vector:
+        """Lower bounds (k,) of the distances between two configurations (n,).
+
+        No point of a link leaves the straight line between its places by more than the bend;
+        the bound is infinite for rows of other tasks.
+        """
+        lowest = np.full(self._bend.size, np.inf)
+        self._robot.place(before)
+        for task, _ in near:
+            task.mark()
+        self._robot.place(after)
+        for task, part in near:
+            task.between(self._bend[part], lowest[part])
+        return lowest
+
     def _straight(
         self,
         near: Near,
@@ -316,26 +344,19 @@ class Lookahead:
         """
         if required is None:
             required = self._required
-        most, bend = self._most, self._bend
-        self._compiled[1].lengths(before, after, self._reach, most, bend)
+        most = self._most
+        self._compiled[1].lengths(before, after, self._reach, most, self._bend)
         short = 0.5 * (first + last - most) < required - self._leeway
         if not short.any():
             return True
-        lowest = np.full(short.size, np.inf)
         near = [(task, part) for task, part in near if short[part].any()]
-        self._robot.place(before)
-        for task, _ in near:
-            task.mark()
-        self._robot.place(after)
-        for task, part in near:
-            task.between(bend[part], lowest[part])
-        short &= lowest < required - self._leeway
+        short &= self._lowest_between(near, before, after) < required - self._leeway
         if not short.any():
             return True
         self.short = _below(near, np.where(short, -np.inf, np.inf), required)
-        if self._budget <= 0:
+        if self.probes >= PROBES:
             return False
-        self._budget -= 1
+        self.probes += 1
         near = [(task, part) for task, part in near if short[part].any()]
         # Half the way is as long as half of it; other rows are done with.
         enough = np.where(short, required + 0.5 * most, -np.inf)
