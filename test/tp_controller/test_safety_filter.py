@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from random_stacks import arms, examples, numbers, planar_arms, states
 from small_arms import planar_block
@@ -84,7 +84,13 @@ def test_no_distance_and_no_limit_is_ever_broken(case):
         assert np.all(q <= limits.position_max)
 
 
+# A step out of the obstacle, and then one that falls back by what it had won.
+FALLS_BACK = planar_block(0.33, 0.2, 0.71, 0.9)
+FALLS_BACK['dh']['base_pose'] = [0.0, 0.0, 0.0, 1.17, 0.0, -2.72]
+
+
 @given(planar_arms(2, 5), seeds, st.booleans())
+@example(FALLS_BACK, 1024, False)
 @examples(30)
 def test_an_arm_inside_an_obstacle_comes_out_and_never_goes_deeper(robot, seed, accelerates):
     n = len(robot['joints'])

@@ -161,6 +161,8 @@ class Lookahead:
         np.minimum(self._distance, self._clear, out=self._found)
         if doubts == 0:
             return True
+        # The present configuration is left behind: what lies ahead may not fall back to it.
+        self._found[doubtful] = self._clear[doubtful]
         near = [(task, part) for task, part in self.tasks if doubtful[part].any()]
         after = self._q + dt * command
         end = after + self._rest
