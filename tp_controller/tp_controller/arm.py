@@ -296,8 +296,14 @@ class Arm:
                 x[block.v] = math.inf
         if not np.isfinite(x).all():
             return x
-        for row in (self._p, self._z, self._q, self._candidate):
-            row[:] = space.chart(q, space.point(self._anchor, row))
+        found = space.chart(q, space.point(self._anchor, self._p))
+        if np.array_equal(self._q, self._p):
+            self._q[:] = found
+        else:
+            self._q[:] = space.chart(q, space.point(self._anchor, self._q))
+        self._p[:] = found
+        if self._doubted:
+            self._candidate[:] = space.chart(q, space.point(self._anchor, self._candidate))
         self._anchor[:] = q
         return x
 
