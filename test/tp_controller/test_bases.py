@@ -1,7 +1,10 @@
 """Closed loops of robots whose base moves, against bodies moved by matrices."""
 
+import re
+
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from poses import Body, pose
@@ -16,7 +19,9 @@ from tp_controller import (
     Robot,
     Stack,
 )
+from tp_controller.config import read_parameter_file
 from tp_controller.errors import InvalidValue, UnusableState
+from tp_controller.parameters import flatten
 from tp_controller.robot import Response
 
 BASES = ('planar', 'differential', 'floating')
@@ -272,3 +277,26 @@ def test_a_base_that_jumps_is_braked():
     q[0] += 0.5
     with pytest.raises(UnusableState, match='base/forward jumped by'):
         stack.step(q, DT)
+
+
+def test_the_example_of_the_page_runs(repository):
+    page = (repository / 'docs' / 'spaces.md').read_text(encoding='utf-8')
+    (example,) = re.findall(r'```python\n(.*?)```', page, flags=re.DOTALL)
+    exec(compile(example, 'spaces.md', 'exec'), {})
+
+
+def test_the_tables_of_the_page_name_the_coordinates_and_velocities(repository):
+    page = (repository / 'docs' / 'spaces.md').read_text(encoding='utf-8')
+    for kind in BASES:
+        robot = mobile(kind)
+        for name in (*robot.coordinates, *robot.joints):
+            leaf = name.removeprefix('base')
+            assert name.startswith('joint') or f'`{leaf}`' in page or f'`<joint>{leaf}`' in page
+
+
+def test_the_parameters_of_the_page_make_the_robot_of_the_example_file(repository, config):
+    page = (repository / 'docs' / 'spaces.md').read_text(encoding='utf-8')
+    (text,) = re.findall(r'```yaml\n(.*?)```', page, flags=re.DOTALL)
+    values = read_parameter_file(config / 'mobile_planar.yaml', 'tp_controller')
+    for key, value in flatten(yaml.safe_load(text)).items():
+        assert values[key] == value, key
