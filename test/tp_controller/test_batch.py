@@ -12,7 +12,7 @@ from tp_controller.batch.engine import run_part
 from tp_controller.batch.loop import Trace
 from tp_controller.batch.measures import limit_use, most_reversals, time_to_reach
 from tp_controller.distances import least_distance
-from tp_controller.robot import Limits
+from tp_controller.robot import Limits, Robot
 from tp_controller.tasks import SetBasedTask
 
 SECONDS = 0.5
@@ -94,8 +94,8 @@ def test_random_starts_and_goals_keep_ranges_and_distances(config):
 
 def test_a_joint_without_ends_starts_within_half_a_turn():
     rng = np.random.default_rng(0)
-    limits = Limits(2, position_min=None, position_max=None)
-    drawn = np.array([random_configuration(limits, rng) for _ in range(500)])
+    robot = Robot.from_dh([1.0, 1.0])
+    drawn = np.array([random_configuration(robot, rng) for _ in range(500)])
     assert np.all(np.abs(drawn) <= math.pi)
     assert drawn.min() < -3.0 < 3.0 < drawn.max()
 
@@ -124,16 +124,17 @@ def test_time_to_reach_is_when_the_error_stays_small():
 
 
 def test_worst_use_of_each_limit():
-    limits = Limits(2, [2.0], [-1.0, -3.0], [1.0, 1.0], [10.0])
+    robot = Robot.from_dh([1.0, 1.0])
+    robot.limits = Limits(2, [2.0], [-1.0, -3.0], [1.0, 1.0], [10.0])
     q = np.array([[0.0, 0.0], [0.1, -2.0]])
     commands = np.array([[0.5, 0.0], [-0.5, 1.0]])
     nothing = np.zeros(2, dtype=bool)
     trace = Trace(q, commands, {}, nothing, nothing)
-    use = limit_use(trace, limits, 0.1)
+    use = limit_use(trace, robot, 0.1)
     assert use == pytest.approx(
         {'velocity_use': 0.5, 'range_use': 0.5, 'acceleration_use': 1.0}, abs=1e-12
     )
-    assert set(limit_use(trace, Limits(2), 0.1).values()) == {None}
+    assert set(limit_use(trace, Robot.from_dh([1.0, 1.0]), 0.1).values()) == {None}
 
 
 def test_reversals_are_counted_per_joint_and_small_speeds_have_no_sign():

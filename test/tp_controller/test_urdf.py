@@ -166,7 +166,7 @@ def test_the_error_of_a_continuous_joint_goes_the_short_way_and_of_another_does_
 BAD = [
     ('</robot>', '', 'robot.urdf', 'malformed XML'),
     ('<robot name="arm">', '<robot name="arm"><joint/>', 'robot.urdf', 'a joint named None'),
-    ('type="prismatic"', 'type="floating"', 'robot.urdf', "'floating'"),
+    ('type="prismatic"', 'type="ball"', 'robot.urdf', "'ball'"),
     ('<parent link="upper"/>', '<parent link="uper"/>', 'robot.urdf', "parent 'uper'"),
     ('<parent link="world"/>', '<parent link="thumb"/>', 'robot.urdf', 'roots'),
     ('<child link="thumb"/>', '<child link="finger"/>', 'robot.urdf', "'finger' as a child twice"),

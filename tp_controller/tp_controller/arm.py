@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import NO_VALUE, InvalidValue, shown
+from tp_controller.robot.motions import FREE
 from tp_controller.robot.response import Response
+from tp_controller.robot.space import Space
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -68,6 +70,10 @@ class Arm:
         What the arm is like.
     period
         Time [s] of one step; infinite if unknown: then every state is taken as it is.
+    space
+        Configuration space; absent means that positions are configurations. The model has
+        positions (n,): those of scalar joints, and of poses the ways from the pose that was
+        measured last.
 
     Raises
     ------
@@ -89,11 +95,22 @@ class Arm:
         As `tp_controller.following.farthest`; not for an ideal arm.
     """
 
-    def __init__(self, joints: Sequence[str], response: Response, period: float) -> None:
+    def __init__(
+        self,
+        joints: Sequence[str],
+        response: Response,
+        period: float,
+        space: Space | None = None,
+    ) -> None:
         n = len(joints)
+        self._space = Space(joints) if space is None else space
+        self._anchor, self._past_anchor = np.array([self._space.neutral] * 2)
         self.response, self.period, self.step = response, period, period
         self._timed = math.isfinite(period)
         self._ideal, self._exact = response.ideal, response.exact
+        # Where a pose gets to depends on the order of the commands that are under way.
+        self._winds = bool(self._space.blocks) and not self._exact
+        self._late_place = self._space.neutral
         if not (self._ideal or self._timed):
             accepts = 'a number above 0, for robot.delay, lag, noise or hold'
             raise InvalidValue('rate', NO_VALUE, accepts)
@@ -102,7 +119,8 @@ class Arm:
         m = 2
         if self._timed:
             m = 2 * math.ceil((longest + max(response.hold, WINDOW)) / period) + 4
-        self._times, self._commands, self._measured = np.zeros(m), *np.zeros((2, m, n))
+        self._times, self._commands = np.zeros(m), np.zeros((m, n))
+        self._measured = np.zeros((m, self._space.nq))
         self._state = np.zeros((9, n))
         self._z, self._p, self._v, self._v_high, self._v_low = self._state[:5]
         self._parted, self._fastest, self._q, self._candidate = self._state[5:]
@@ -120,14 +138,25 @@ class Arm:
         self._past_state, self._past = self._state.copy(), self._numbers()
 
     @property
+    def reference(self) -> Vector:
+        """Reference configuration (nq,) [rad, m]; overwritten by the next state."""
+        return self._late_place if self._winds else self._space.point(self._anchor, self._z)
+
+    @property
     def z(self) -> Vector:
-        """Reference configuration (n,) [rad, m]; overwritten by the next state."""
+        """Its positions (n,) [rad, m]; overwritten by the next state."""
         return self._z
 
     @property
     def p(self) -> Vector:
-        """Where the arm is (n,) [rad, m] by the model; overwritten by the next state."""
+        """Positions (n,) [rad, m] of the arm by the model; overwritten by the next state."""
         return self._p
+
+    def configuration(self, positions: Vector) -> Vector:
+        """Configuration (nq,) with positions (n,) of the model."""
+        if self._winds and np.array_equal(positions, self._z):
+            return self._late_place
+        return self._space.point(self._anchor, positions)
 
     @property
     def parted(self) -> Vector:
@@ -171,6 +200,7 @@ class Arm:
     def undo(self) -> None:
         """Go back to before the last state."""
         self._state[:] = self._past_state
+        self._anchor[:] = self._past_anchor
         (
             self._now,
             self._began,
@@ -190,7 +220,7 @@ class Arm:
         Parameters
         ----------
         q
-            Measured positions (n,) [rad, m], finite.
+            Measured configuration (nq,) [rad, m], finite.
         before
             Velocities (n,) that the next command may differ from by what acceleration allows.
             Those of joints that do not move as they were commanded are changed to what they do.
@@ -208,6 +238,19 @@ class Arm:
         """
         self.keep()
         self.notice = ''
+        believed = self._take(q, before, elapsed, qd)
+        if self._winds:
+            self._late_place = self._wound()
+        return believed
+
+    def _take(self, q: Vector, before: Vector, elapsed: float | None, qd: Vector | None) -> bool:
+        given, q = q, self._placed(q)
+        if self._space.blocks and not np.isfinite(q).all():
+            self.notice = f'no joint can be at the position {shown(given)}'
+            if self._known and self._timed:
+                self._advance(self._pass(elapsed))
+                self._refer()
+            return False
         if not self._known:
             if self._timed and np.max(np.abs(q)) > FARTHEST:
                 self.notice = f'no joint can be at the position {shown(q)}'
@@ -236,6 +279,33 @@ class Arm:
                 self._correct(q, passed, before)
         self._refer()
         return credible
+
+    def _placed(self, q: Vector) -> Vector:
+        """Positions (n,) of a measured configuration (nq,); those of poses count from there on.
+
+        Turns are counted as the model does. A place that no joint can have is infinitely far.
+        """
+        space = self._space
+        if self._known:
+            q = space.unwrapped(q, self._p)
+        if not space.blocks:
+            return q
+        x = space.chart(q, q)
+        for block in space.blocks:
+            if np.max(np.abs(q[block.q])) > FARTHEST:
+                x[block.v] = math.inf
+        if not np.isfinite(x).all():
+            return x
+        found = space.chart(q, space.point(self._anchor, self._p))
+        if np.array_equal(self._q, self._p):
+            self._q[:] = found
+        else:
+            self._q[:] = space.chart(q, space.point(self._anchor, self._q))
+        self._p[:] = found
+        if self._doubted:
+            self._candidate[:] = space.chart(q, space.point(self._anchor, self._candidate))
+        self._anchor[:] = q
+        return x
 
     def _arguments(self, before: Vector) -> tuple[Any, ...]:
         """What `tp_controller.following.follow` is to be called with, after the times."""
@@ -275,10 +345,44 @@ class Arm:
         self._now += elapsed
         self._advance(elapsed)
         self._refer()
+        if self._winds:
+            self._late_place = self._wound()
+
+    def _wound(self) -> Vector:
+        """Where the arm (nq,) gets to with what was sent, one command after the other."""
+        response, space = self.response, self._space
+        start = space.point(self._anchor, self._p)
+        q = space.integrate(start, response.lag * self._v)
+        m = self._times.size
+        for k in range(m):
+            j = (self._head + 1 + k) % m
+            after = self._times[(j + 1) % m] if j != self._head else self._now
+            begin = np.maximum(self._now - response.delay, self._times[j])
+            span = np.maximum(min(self._now, after) - begin, 0.0)
+            if span.any():
+                q = space.integrate(q, span * self._commands[j])
+        return q
+
+    def _widen(self, way: Vector, tube: Vector) -> None:
+        """Widen the tube (n,) around a way (n,) by what the order of velocities changes of a pose.
+
+        The ways of two twists in one order and in the other differ by their commutator. What is
+        along ``way`` commutes with it.
+        """
+        for block in self._space.blocks:
+            turns = block.kept >= block.positions
+            own = np.arange(block.v.start, block.v.stop)
+            linear, angular = own[~turns], own[turns]
+            off, turned = tube[linear].sum(), tube[angular].sum()
+            v, w = np.abs(way[linear]).sum() + off, np.abs(way[angular]).sum() + turned
+            tube[linear] += v * turned + w * off
+            if block.size == FREE:
+                tube[angular] += 2.0 * w * turned
 
     def keep(self) -> None:
         """Let `undo` lead to the present model."""
         self._past_state[:], self._past = self._state, self._numbers()
+        self._past_anchor[:] = self._anchor
 
     def _advance(self, passed: float) -> None:
         """Let the model carry out what was sent, until now."""
@@ -306,7 +410,8 @@ class Arm:
             return False
         noise = self.response.noise
         np.clip(self._p, q - noise, q + noise, out=self._p)
-        self._q[:] = self._measured[:] = q
+        self._q[:] = q
+        self._measured[:] = self.configuration(q)
         self._parted[:] = 0.0
         if qd is not None and np.isfinite(qd).all():
             before[:] = _nearer_zero(before, qd)
@@ -322,7 +427,8 @@ class Arm:
 
     def _start(self, q: Vector, before: Vector, qd: Vector | None) -> None:
         self._known = True
-        self._p[:] = self._z[:] = self._q[:] = self._measured[:] = q
+        self._p[:] = self._z[:] = self._q[:] = q
+        self._measured[:] = self.configuration(q)
         if not self._timed:
             return
         if qd is not None and np.isfinite(qd).all():
@@ -365,7 +471,8 @@ class Arm:
             return False
         before[:] = _nearer_zero(before, (q - self._candidate) / max(passed, self.period))
         self._doubted, self._began = False, self._now
-        self._p[:] = self._q[:] = self._measured[:] = q
+        self._p[:] = self._q[:] = q
+        self._measured[:] = self.configuration(q)
         self._commands[:] = self._v[:] = self._v_high[:] = self._v_low[:] = before
         self._parted[:] = 0.0
         return True
@@ -424,7 +531,8 @@ class Arm:
             i = int(old[np.argmax(age[old])])
         else:
             i = int(old[np.argmin(age[old])])
-        return (q - self._measured[i]) / float(age[i])
+        way = self._space.difference(self._measured[i], self.configuration(q))
+        return way / float(age[i])
 
     def _refer(self) -> None:
         response = self.response
@@ -474,7 +582,7 @@ class Arm:
             Whether the arm moves.
         """
         response = self.response
-        return bool(
+        moves = bool(
             self._kernel.line(
                 self._now,
                 self._times,
@@ -493,13 +601,16 @@ class Arm:
                 *out,
             )
         )
+        if moves and self._space.blocks:
+            self._widen(out[1], out[2])
+        return moves
 
     def send(self, command: Vector) -> None:
         """Take note of the velocities (n,) that answer the last state."""
         self._head = (self._head + 1) % self._times.size
         self._times[self._head] = self._now
         self._commands[self._head] = command
-        self._measured[self._head] = self._q
+        self._measured[self._head] = self.configuration(self._q)
 
 
 def _nearer_zero(one: Vector, other: Vector) -> Vector:

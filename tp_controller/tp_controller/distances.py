@@ -22,20 +22,19 @@ class Distances:
     """Distances of a task, computed only where they can be less than those seen before.
 
     Between two configurations the distance of row i changes by at most ``reach_i |q - q'|``
-    (`SetBasedTask.reach`). A configuration is skipped if no distance can be below the least one
-    by that bound.
+    (`SetBasedTask.reach`, per coordinate). A configuration is skipped if no distance can be below
+    the least one by that bound.
 
     Parameters
     ----------
     task
         The task.
-    n
-        Number of joints.
     """
 
-    def __init__(self, task: SetBasedTask, n: int) -> None:
+    def __init__(self, task: SetBasedTask) -> None:
         self._task = task
-        self._distance, self._q = np.full(task.k, -math.inf), np.zeros(n)
+        self._reach = task.robot.space.coordinate_reach(task.reach)
+        self._distance, self._q = np.full(task.k, -math.inf), task.robot.neutral
 
     def first_below(self, bound: float, path: Matrix) -> int:
         """Index of the first configuration of a path (m, n) where a distance may be below a bound.
@@ -43,12 +42,12 @@ class Distances:
         It is m if there is none.
         """
         with np.errstate(invalid='ignore'):
-            lower = self._distance - np.abs(path - self._q) @ self._task.reach.T
+            lower = self._distance - np.abs(path - self._q) @ self._reach.T
         may_be = ~np.all(lower >= bound, axis=1)
         return int(np.argmax(may_be)) if may_be.any() else len(path)
 
     def look(self, q: Vector) -> float:
-        """Least distance [m, rad] at ``q`` (n,), where the robot was placed."""
+        """Least distance [m, rad] at ``q`` (nq,), where the robot was placed."""
         self._task.probe(self._distance)
         self._q[:] = q
         return float(self._distance.min())
@@ -64,7 +63,7 @@ def least_distance(robot: Robot, tasks: Iterable[SetBasedTask], path: Matrix) ->
     tasks
         Set-based tasks.
     path
-        Configurations (m, n) [rad, m].
+        Configurations (m, nq) [rad, m].
 
     Returns
     -------
@@ -73,7 +72,7 @@ def least_distance(robot: Robot, tasks: Iterable[SetBasedTask], path: Matrix) ->
     """
     least = math.inf
     for task in tasks:
-        distances = Distances(task, robot.n)
+        distances = Distances(task)
         i = 0
         while i < len(path):
             robot.place(path[i])

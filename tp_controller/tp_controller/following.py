@@ -359,14 +359,14 @@ def line_doubts(way, tube, distance, required, reach, doubtful):  # type: ignore
     return count
 
 
-@njit(void(COLUMN, COLUMN, float64[:, ::1], COLUMN, COLUMN), cache=True)
-def lengths(before, after, reach, most, bend):  # type: ignore[no-untyped-def]
-    """Bounds on what distances (k,) do on the straight way between two configurations (n,).
+@njit(void(COLUMN, float64[:, ::1], COLUMN, COLUMN), cache=True)
+def lengths(way, reach, most, bend):  # type: ignore[no-untyped-def]
+    """Bounds on what distances (k,) do while velocities of constant direction act.
 
     Parameters
     ----------
-    before, after, reach
-        The configurations, and the bound (k, n) on the derivative of the distances.
+    way, reach
+        How far each velocity leads (n,), and the bound (k, n) on the derivative of the distances.
     most
         Result (k,): no distance changes by more.
     bend
@@ -376,11 +376,11 @@ def lengths(before, after, reach, most, bend):  # type: ignore[no-untyped-def]
     """
     for row in range(most.size):
         first, second = 0.0, 0.0
-        for i in range(before.size):
-            move = abs(after[i] - before[i])
+        for i in range(way.size):
+            move = abs(way[i])
             first += reach[row, i] * move
-            for j in range(before.size):
-                second += min(reach[row, i], reach[row, j]) * move * abs(after[j] - before[j])
+            for j in range(way.size):
+                second += min(reach[row, i], reach[row, j]) * move * abs(way[j])
         most[row], bend[row] = first, 0.125 * second
 
 

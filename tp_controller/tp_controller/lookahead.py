@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,20 @@ PROBES = 200
 
 Near = list[tuple[SetBasedTask, slice]]
 """Tasks with the rows of their distances."""
+
+
+class Stretch(NamedTuple):
+    """A part of a braking trajectory."""
+
+    begin: int
+    finish: int
+    """Its first and its last step."""
+    before: Vector
+    after: Vector
+    """Configurations (nq,) there."""
+    gone: Vector
+    going: Vector
+    """How far the joints have got until then (n,), since they began to brake."""
 
 
 class Lookahead:
@@ -78,7 +92,8 @@ class Lookahead:
         noise = response.noise * (2.0 if response.hold else 1.0)
         self._reserve = self._clear + self._reach @ noise
         self._late = not response.ideal
-        self._rest, self._way, self._speed, self._q = np.zeros((4, robot.n))
+        self._rest, self._way, self._speed = np.zeros((3, robot.n))
+        self._q = robot.neutral
         self._acceleration = robot.limits.acceleration
         self._line = np.zeros((4, robot.n))
         self.probes = 0
@@ -102,7 +117,7 @@ class Lookahead:
 
     def begin(self) -> None:
         """Take over the distances of the tasks' last update, at the reference configuration."""
-        self._q[:] = self._arm.z
+        self._q[:] = self._arm.reference
         self.probes = 0
         self.short = ()
         for task, part in self.tasks:
@@ -142,7 +157,7 @@ class Lookahead:
         limits, dt = self._robot.limits, self._arm.step
         acceleration, doubtful = self._acceleration, self._doubtful
         doubts = braking.doubts(
-            self._q,
+            self._arm.z,
             command,
             limits.position_min,
             limits.position_max,
@@ -164,32 +179,61 @@ class Lookahead:
         # The present configuration is left behind: what lies ahead may not fall back to it.
         self._found[doubtful] = self._clear[doubtful]
         near = [(task, part) for task, part in self.tasks if doubtful[part].any()]
-        after = self._q + dt * command
-        end = after + self._rest
-        # Of a row that cannot use up its room on the whole way, that is enough.
-        enough = self._required + self._reach @ np.abs(end - self._q)
+        step, rest = dt * command, self._rest.copy()
+        after = self._robot.integrate(self._q, step)
+        steps = braking.steps_to_rest(command, acceleration, dt)
+        end = self._braked(command, together, (0, steps), after, rest)
+        # Of a row that cannot use up its room on the whole way, that is enough. No joint turns
+        # back while it brakes.
+        enough = self._required + self._reach @ (np.abs(step) + np.abs(rest))
         enough[~doubtful] = -np.inf
         first, last = np.full((2, doubtful.size), np.inf)
         start = np.where(doubtful, self._distance, np.inf)
-        steps = braking.steps_to_rest(command, acceleration, dt)
+        stretch = Stretch(0, steps, after, end, np.zeros_like(rest), rest)
         try:
             return (
                 self._is_wide(near, end, last, enough)
                 and self._is_wide(near, after, first, enough)
-                and self._straight(near, self._q, after, start, first)
-                and self._along(near, command, together, (0, steps), (after, end), (first, last))
+                and self._straight(near, self._q, step, after, start, first)
+                and self._along(near, command, together, stretch, first, last)
             )
         finally:
             self._robot.update(self._q)
+
+    def _braked(
+        self, command: Vector, together: bool, steps: tuple[int, int], q: Vector, way: Vector
+    ) -> Vector:
+        """Configuration (nq,) to which some steps of the braking trajectory lead.
+
+        Parameters
+        ----------
+        command, together
+            From where and how the arm brakes.
+        steps
+            The first and the last step.
+        q, way
+            Configuration (nq,) at the first step, and how far the joints get from there (n,).
+        """
+        if together or not self._robot.space.blocks:
+            # All velocities keep their direction, or the order does not matter.
+            return self._robot.integrate(q, way)
+        before, after = np.zeros((2, way.size))
+        for i in range(*steps):
+            for number, out in ((i, before), (i + 1, after)):
+                self._compiled[0].coast(
+                    command, self._acceleration, self._arm.step, together, number, out, self._speed
+                )
+            q = self._robot.integrate(q, after - before)
+        return q
 
     def _along(
         self,
         near: Near,
         command: Vector,
         together: bool,
-        steps: tuple[int, int],
-        ends: tuple[Vector, Vector],
-        distances: tuple[Vector, Vector],
+        stretch: Stretch,
+        first: Vector,
+        last: Vector,
     ) -> bool:
         """Whether distances are large enough between two steps of the braking trajectory.
 
@@ -204,48 +248,50 @@ class Lookahead:
             Tasks that count.
         command, together
             From where and how the arm brakes.
-        steps, ends, distances
-            The two steps, the configurations (n,) and the distances (k,) there; these are
-            infinite for rows that do not count.
+        stretch
+            The two steps, and where they are.
+        first, last
+            The distances (k,) there; these are infinite for rows that do not count.
         """
         braking, following = self._compiled
-        before, after = ends
-        first, last = distances
-        following.lengths(before, after, self._reach, self._most, self._bend)
+        begin, finish, before, after, gone, going = stretch
+        following.lengths(going - gone, self._reach, self._most, self._bend)
         short = 0.5 * (first + last - self._most) < self._required
         if not short.any():
             return True
-        if steps[1] - steps[0] <= 1:
-            return self._straight(near, before, after, first, last)
+        if finish - begin <= 1:
+            return self._straight(near, before, going - gone, after, first, last)
         near = [(task, part) for task, part in near if short[part].any()]
-        if not together:
-            time = (steps[1] - steps[0]) * self._arm.step
-            aside = np.minimum(np.abs(after - before), 0.125 * time * time * self._acceleration)
-            self._bend += self._reach @ aside
-        short &= self._lowest_between(near, before, after) < self._required
-        if not short.any():
-            return True
+        if together or not self._robot.space.blocks:
+            if not together:
+                time = (finish - begin) * self._arm.step
+                aside = 0.125 * time * time * self._acceleration
+                self._bend += self._reach @ np.minimum(np.abs(going - gone), aside)
+            short &= self._lowest_between(near, before, after) < self._required
+            if not short.any():
+                return True
         self.short = _below(near, np.where(short, -np.inf, np.inf), self._required)
         if self.probes >= PROBES:
             return False
         self.probes += 1
-        middle = (steps[0] + steps[1]) // 2
+        middle = (begin + finish) // 2
         braking.coast(
             command, self._acceleration, self._arm.step, together, middle, self._way, self._speed
         )
-        q = self._q + self._arm.step * command + self._way
+        way = self._way.copy()
+        q = self._braked(command, together, (begin, middle), before, way - gone)
         # Either half is at most as long as the whole; other rows are done with.
         enough = np.where(short, self._required + self._most, -np.inf)
         near = [(task, part) for task, part in near if short[part].any()]
         distance = np.full(short.size, np.inf)
+        halves = (
+            Stretch(begin, middle, before, q, gone, way),
+            Stretch(middle, finish, q, after, way, going),
+        )
         return (
             self._is_wide(near, q, distance, enough)
-            and self._along(
-                near, command, together, (steps[0], middle), (before, q), (first, distance)
-            )
-            and self._along(
-                near, command, together, (middle, steps[1]), (q, after), (distance, last)
-            )
+            and self._along(near, command, together, halves[0], first, distance)
+            and self._along(near, command, together, halves[1], distance, last)
         )
 
     def _stops_late(self, command: Vector) -> bool:
@@ -260,6 +306,8 @@ class Lookahead:
         ):
             return True
         start, way, tube = self._line[:3]
+        begin = self._arm.configuration(start)
+        end = self._robot.integrate(begin, way)
         doubtful = self._doubtful
         if not self._compiled[1].line_doubts(
             way, tube, self._distance, required, self._reach, doubtful
@@ -267,12 +315,11 @@ class Lookahead:
             return True
         near = [(task, part) for task, part in self.tasks if doubtful[part].any()]
         first, last = np.full((2, doubtful.size), np.inf)
-        end = start + way
         enough = required + self._reach @ (np.abs(way) + tube)
         enough[~doubtful] = -np.inf
         try:
             self._probe(near, end, last, enough)
-            self._probe(near, start, first, enough)
+            self._probe(near, begin, first, enough)
             first[~doubtful] = last[~doubtful] = np.inf
             # Where the arm is already too near it must not get nearer.
             required = np.minimum(required, first) + self._reach @ tube
@@ -280,7 +327,7 @@ class Lookahead:
                 if np.any(distance < required):
                     self.short = _below(near, distance, required)
                     return False
-            return self._straight(near, start.copy(), end, first, last, required)
+            return self._straight(near, begin, way.copy(), end, first, last, required)
         finally:
             self._robot.update(self._q)
 
@@ -322,12 +369,13 @@ class Lookahead:
         self,
         near: Near,
         before: Vector,
+        way: Vector,
         after: Vector,
         first: Vector,
         last: Vector,
         required: Vector | None = None,
     ) -> bool:
-        """Whether distances are large enough on the straight way between two configurations.
+        """Whether distances are large enough on the way that constant velocities lead along.
 
         No distance changes by more than its reach allows, and no point of a link leaves the
         straight line between its places by more than the bend of the way. Where that does not
@@ -337,8 +385,9 @@ class Lookahead:
         ----------
         near
             Tasks that count.
-        before, after
-            The configurations (n,).
+        before, way, after
+            The configuration (nq,) at the beginning, how far the joints get (n,), and the
+            configuration at the end.
         first, last
             The distances (k,) there, infinite for rows that do not count.
         required
@@ -347,7 +396,7 @@ class Lookahead:
         if required is None:
             required = self._required
         most = self._most
-        self._compiled[1].lengths(before, after, self._reach, most, self._bend)
+        self._compiled[1].lengths(way, self._reach, most, self._bend)
         short = 0.5 * (first + last - most) < required - self._leeway
         if not short.any():
             return True
@@ -362,14 +411,15 @@ class Lookahead:
         near = [(task, part) for task, part in near if short[part].any()]
         # Half the way is as long as half of it; other rows are done with.
         enough = np.where(short, required + 0.5 * most, -np.inf)
-        middle, distance = 0.5 * (before + after), np.full(short.size, np.inf)
+        half, distance = 0.5 * way, np.full(short.size, np.inf)
+        middle = self._robot.integrate(before, half)
         self._probe(near, middle, distance, enough)
         distance[~short] = np.inf
         if np.any(distance < required - self._leeway):
             return False
-        return self._straight(near, before, middle, first, distance, required) and self._straight(
-            near, middle, after, distance, last, required
-        )
+        return self._straight(
+            near, before, half, middle, first, distance, required
+        ) and self._straight(near, middle, half, after, distance, last, required)
 
 
 def _below(near: Near, distance: Vector, required: Vector) -> tuple[str, ...]:

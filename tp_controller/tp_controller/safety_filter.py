@@ -71,7 +71,7 @@ class SafetyFilter:
         self._plain = True
         self._step, self._acceleration = period, robot.limits.acceleration
         self._bounds = Bounds.of_speed(robot.limits.velocity)
-        self.arm = Arm(robot.joints, robot.response, period)
+        self.arm = Arm(robot.joints, robot.response, period, robot.space)
         self._late = not robot.response.ideal
         self.watch(())
         self.check_limits(robot.limits)
@@ -108,7 +108,7 @@ class SafetyFilter:
         Tasks have to be watched anew.
         """
         self.period = self._step = period
-        self.arm = Arm(self._robot.joints, self._robot.response, period)
+        self.arm = Arm(self._robot.joints, self._robot.response, period, self._robot.space)
         self._before[:] = 0.0
         self._limits = None
 

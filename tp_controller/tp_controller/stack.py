@@ -269,7 +269,7 @@ class Stack:
         return apply
 
     def _jacobian_at(self, q: Vector) -> Matrix:
-        """Stacked Jacobian (K, n) after the robot was moved to ``q`` (n,)."""
+        """Stacked Jacobian (K, n) after the robot was moved to ``q`` (nq,)."""
         self.robot.update(q)
         self._fill()
         return self._J
@@ -373,7 +373,7 @@ class Stack:
         Parameters
         ----------
         q
-            Measured positions (n,) [rad, m].
+            Measured configuration (nq,) [rad, m].
         elapsed
             Time [s] since the state that the last command answered. When left out it is one
             period, and whether an ideal arm follows is not judged: any configuration may be
@@ -401,7 +401,7 @@ class Stack:
             self.safety_filter.brake(self._qd)
             np.dot(self._J, self._qd, out=self._achieved)
             raise UnusableState(self.arm.notice, self._command)
-        self.robot.update(self.arm.z)
+        self.robot.update(self.arm.reference)
         for task in self._unaimed:
             if task.target is None:
                 task.hold()

@@ -21,6 +21,7 @@ from rich.table import Table
 from tp_controller.config import build_settings, read_parameter_file
 from tp_controller.errors import InvalidValue, TaskPriorityError
 from tp_controller.parameters import Flat
+from tp_controller.robot import Space
 from tp_controller.solvers import SOLVER_TYPES
 from tp_controller.stack import Stack
 from tp_sim.demo.script import Circle, Goal, goal_text, read_script
@@ -38,7 +39,13 @@ class Outcome(NamedTuple):
     largest_speed: float
     """Largest norm of the joint velocity [rad/s, m/s]."""
     ends: list[NDArray[np.float64]]
-    """Configuration (n,) at the start and after every round of a circle."""
+    """Configuration (nq,) at the start and after every round of a circle."""
+    space: Space
+    """Configuration space of the robot."""
+
+    def drift(self, begin: int, end: int) -> float:
+        """How far the joints are apart after two rounds [rad, m]."""
+        return float(np.linalg.norm(self.space.difference(self.ends[begin], self.ends[end])))
 
 
 def main() -> int:
@@ -144,11 +151,11 @@ def run(config: Path, stack: Stack, goals: Sequence[Goal], seconds: float) -> Ou
         largest = max(largest, float(np.linalg.norm(command)))
         if circles and (late := len(ends) * circles[0][1].period - i * dt) < dt:
             # A round ends between two steps.
-            ends.append(q + late * command)
+            ends.append(settings.space.integrate(q, late * command))
         integrator.step(command, dt)
     listed = [name for level in stack.hierarchy for name in level.split(' + ')]
     errors = {name: float(np.linalg.norm(stack.tasks[name].error)) for name in listed}
-    return Outcome(errors, largest, ends)
+    return Outcome(errors, largest, ends, settings.space)
 
 
 def _table(goals: list[Goal], seconds: float, outcomes: dict[str, Outcome]) -> Table:
@@ -164,9 +171,10 @@ def _table(goals: list[Goal], seconds: float, outcomes: dict[str, Outcome]) -> T
     drifts = [(0, 1), (0, rounds), (1, rounds)] if rounds > 1 else [(0, 1)][:rounds]
     for begin, end in drifts:
         table.add_column(f'drift {begin} to {end}', justify='right')
-    for scheme, (errors, largest, ends) in outcomes.items():
-        cells = [_short(error) for error in errors.values()] + [f'{largest:.3f}']
-        cells += [_short(float(np.linalg.norm(ends[end] - ends[begin]))) for begin, end in drifts]
+    for scheme, outcome in outcomes.items():
+        cells = [_short(error) for error in outcome.errors.values()]
+        cells.append(f'{outcome.largest_speed:.3f}')
+        cells += [_short(outcome.drift(begin, end)) for begin, end in drifts]
         table.add_row(scheme, *cells)
     return table
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import InvalidValue, plural, shown
-from tp_controller.robot import Limits
+from tp_controller.errors import InvalidValue, listed, plural, shown
+from tp_controller.robot import Limits, Space
 
 Vector = NDArray[np.float64]
 
@@ -19,9 +19,11 @@ class Integrator:
     Parameters
     ----------
     q
-        Initial positions (n,) [rad, m].
+        Initial configuration (nq,) [rad, m].
     limits
-        Velocity and position limits of the n joints.
+        Velocity and position limits of the n velocities.
+    space
+        Configuration space; absent means that every joint has one position.
 
     Raises
     ------
@@ -29,15 +31,18 @@ class Integrator:
         If the initial positions are not finite numbers inside the position limits.
     """
 
-    def __init__(self, q: Sequence[float] | Vector, limits: Limits) -> None:
+    def __init__(
+        self, q: Sequence[float] | Vector, limits: Limits, space: Space | None = None
+    ) -> None:
         self.limits = limits
+        self.space = space_of(limits, space)
         self._initial = self.check(q)
         self._q = self._initial.copy()
-        self._qd = np.zeros_like(self._q)
+        self._qd = np.zeros(limits.velocity.size)
 
     @property
     def q(self) -> Vector:
-        """Positions (n,) [rad, m]; a copy."""
+        """Configuration (nq,) [rad, m]; a copy."""
         return self._q.copy()
 
     @property
@@ -46,12 +51,12 @@ class Integrator:
         return self._qd.copy()
 
     def check(self, q: Sequence[float] | Vector, key: str = 'initial_positions') -> Vector:
-        """Copy of positions (n,) that the joints can have.
+        """Copy of a configuration (nq,) that the joints can have; its quaternion of length 1.
 
         Parameters
         ----------
         q
-            The positions [rad, m].
+            The configuration [rad, m].
         key
             What they are, for the message.
 
@@ -62,11 +67,16 @@ class Integrator:
         """
         q = np.array(q, dtype=float)
         lower, upper = self.limits.position_min, self.limits.position_max
-        if q.shape != lower.shape:
-            raise InvalidValue(key, plural(q.size, 'value'), f'{lower.size}, one per joint')
+        space = self.space
+        if q.shape != (space.nq,):
+            whose = f'those of {listed(space.coordinates)}' if space.blocks else 'one per joint'
+            raise InvalidValue(key, plural(q.size, 'value'), f'{space.nq}, {whose}')
         if not np.all(np.isfinite(q)):
             raise InvalidValue(key, shown(q), 'finite numbers')
-        if np.any(q < lower) or np.any(q > upper):
+        positions = space.positions(q)
+        if not np.isfinite(space.chart(space.neutral, q)).all():
+            raise InvalidValue(key, shown(q), 'a quaternion that is not zero')
+        if np.any(positions < lower) or np.any(positions > upper):
             raise InvalidValue(
                 key,
                 shown(q),
@@ -75,7 +85,7 @@ class Integrator:
         return q
 
     def reset(self, q: Sequence[float] | Vector | None = None) -> None:
-        """Stand still at positions (n,), at the initial ones when none are given.
+        """Stand still at a configuration (nq,), at the initial one when none are given.
 
         Raises
         ------
@@ -87,9 +97,18 @@ class Integrator:
 
     def step(self, qd: Vector, dt: float) -> None:
         """Move for ``dt`` [s] at velocities (n,), every joint held to its limits."""
-        before = self._q
+        before = self.space.positions(self._q)
         speed = np.clip(qd, -self.limits.velocity, self.limits.velocity)
-        self._q = np.clip(before + dt * speed, self.limits.position_min, self.limits.position_max)
+        after = before + dt * speed
+        held = np.clip(after, self.limits.position_min, self.limits.position_max)
         # A joint that met no end keeps its exact speed, free of rounding.
-        stopped = self._q != before + dt * speed
-        self._qd = np.where(stopped, (self._q - before) / dt, speed)
+        stopped = held != after
+        self._qd = np.where(stopped, (held - before) / dt, speed)
+        self._q = self.space.point(self._q, held)
+
+
+def space_of(limits: Limits, space: Space | None) -> Space:
+    """Space of joints with these limits: that which is given, or one position per joint."""
+    if space is not None:
+        return space
+    return Space([f'joint_{i + 1}' for i in range(limits.velocity.size)])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, plural, shown
-from tp_controller.robot import Limits
+from tp_controller.robot import Limits, Space
 
 Vector = NDArray[np.float64]
 Values = float | Sequence[float] | Vector
@@ -50,20 +50,21 @@ class Joints(Protocol):
     """Joints that carry out velocity commands, as `tp_sim.integrator.Integrator` does."""
 
     limits: Limits
+    space: Space
 
     @property
     def q(self) -> Vector:
-        """Positions (n,) [rad, m]; a copy."""
+        """Configuration (nq,) [rad, m]; a copy."""
 
     @property
     def qd(self) -> Vector:
         """Velocities (n,) [rad/s, m/s] after the last step; a copy."""
 
     def check(self, q: Sequence[float] | Vector, key: str = ...) -> Vector:
-        """Copy of positions (n,) that the joints can have."""
+        """Copy of a configuration (nq,) that the joints can have."""
 
     def reset(self, q: Sequence[float] | Vector | None = None) -> None:
-        """Stand still at positions (n,), at the initial ones when none are given."""
+        """Stand still at a configuration (nq,), at the initial one when none is given."""
 
     def step(self, qd: Vector, dt: float) -> None:
         """Move for ``dt`` [s] with velocities (n,) as the command."""
@@ -182,7 +183,7 @@ class Plant:
 
     @property
     def q(self) -> Vector:
-        """True positions (n,) [rad, m]; a copy."""
+        """True configuration (nq,) [rad, m]; a copy."""
         return self.joints.q
 
     @property
@@ -243,14 +244,17 @@ class Plant:
             self._noise[:] = self._amplitude * self._noises.uniform(-1.0, 1.0, self._n)
 
     def measured(self) -> tuple[Vector, Vector]:
-        """Positions (n,) [rad, m] and velocities (n,) [rad/s, m/s] as the sensors report them.
+        """Configuration (nq,) [rad, m] and velocities (n,) [rad/s, m/s] as sensors report them.
 
         Positions are the true ones times ``scale``, plus noise, rounded to whole ``quantum``.
         The noise is uniform between ``-noise`` and ``noise`` and new in each step, so that a
         position is never wrong by more than ``noise + quantum / 2``. Velocities are the true
-        ones times ``scale``, without noise. Between two steps the answer stays the same.
+        ones times ``scale``, without noise. Between two steps the answer stays the same. Of a pose
+        the noise is a short way along each of its velocities; scale and quantum leave it alone.
         """
-        q, qd = self.joints.q, self._speed.copy()
+        pose, qd = self.joints.q, self._speed.copy()
+        space = self.joints.space
+        q = space.positions(pose)
         if self._scaled:
             q *= self._scale
             qd *= self._scale
@@ -259,6 +263,8 @@ class Plant:
         if self._rounded:
             whole = np.divide(q, self._quantum, out=np.zeros(self._n), where=self._quantum > 0.0)
             q = np.where(self._quantum > 0.0, self._quantum * np.round(whole), q)
+        if space.blocks:
+            q = space.point(pose, np.where(space.ranged, q, self._noise))
         return q, qd
 
     def state_lost(self) -> bool:
@@ -266,7 +272,7 @@ class Plant:
         return self._state_lost
 
     def reset(self, q: Sequence[float] | Vector | None = None) -> None:
-        """Stand still at positions (n,) with no command under way; random numbers go on.
+        """Stand still at a configuration (nq,) with no command under way; random numbers go on.
 
         Raises
         ------

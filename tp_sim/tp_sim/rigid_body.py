@@ -105,7 +105,10 @@ class RigidBodies:
 
         self._drive = drive
         settings = settings or ServoSettings()
-        self.limits = robot.limits
+        if robot.space.blocks:
+            got = 'rigid_body for a robot with a base that moves'
+            raise InvalidValue('plant.type', got, 'kinematic')
+        self.limits, self.space = robot.limits, robot.space
         self._stops = stops
         self._place = Integrator(q, robot.limits)
         self._q, self._n = self._place.q, robot.n

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from tp_controller.config import SHARED, build_robot, describe_robot, shared_schema
+from tp_controller.config import SHARED, arm_joints, build_robot, describe_robot, shared_schema
 from tp_controller.errors import InvalidValue
 from tp_controller.parameters import (
     BOOLEAN,
@@ -19,7 +19,7 @@ from tp_controller.parameters import (
     flatten,
     read_all,
 )
-from tp_controller.robot import Limits, Robot
+from tp_controller.robot import Limits, Robot, Space
 from tp_sim.integrator import Integrator, Vector
 from tp_sim.plant import Joints, Plant, PlantSettings, check_plant
 from tp_sim.rigid_body import RigidBodies, ServoSettings
@@ -152,7 +152,9 @@ SIMULATOR: Mapping[str, Parameter] = {
     ),
     'rate': Parameter(NUMBER, 'Joint states per second [Hz]', default=REQUIRED, above=0.0),
     'initial_positions': Parameter(
-        NUMBERS, 'First position [rad, m] per joint; zero when left out'
+        NUMBERS,
+        'First position [rad, m] per joint, behind those of a base that moves: x y yaw, or x y z '
+        'and a quaternion x y z w; zero when left out',
     ),
     'command_timeout': Parameter(
         NUMBER, 'Time [s] without a command after which the joints stop', default=0.1, above=0.0
@@ -188,8 +190,8 @@ class SimulatorSettings(NamedTuple):
 
     values: Flat
     """Every parameter by dotted key, defaults filled in."""
-    joints: tuple[str, ...]
-    """Joint names (n,)."""
+    space: Space
+    """Configuration space, with the names of coordinates (nq,) and velocities (n,)."""
     base_frame: str
     """Name of the base frame."""
     integrator: Integrator
@@ -278,7 +280,7 @@ def build_plant(
     robot, description
         The robot, and the URDF that it is made of.
     q
-        First positions (n,) [rad, m].
+        First configuration (nq,) [rad, m].
     stops
         Whether the ranges of the joints end in hard stops; False lets joints leave them and be
         faster than their limits, to see how far a controller drives them.
@@ -292,7 +294,8 @@ def build_plant(
     if values['plant.type'] == RIGID_BODY:
         joints = RigidBodies(robot, description, q, _servo_settings(values), stops)
     else:
-        joints = Integrator(q, robot.limits if stops else Limits(robot.n))
+        limits = robot.limits if stops else Limits(robot.n, ranged=robot.space.ranged)
+        joints = Integrator(q, limits, robot.space)
     plant = Plant(joints, plant_settings(values), values['command_timeout'])
     plant.blocked = values['plant.blocked']
     return plant
@@ -318,10 +321,13 @@ def build_simulator_settings(
     values = read_simulator_parameters(parameters)
     robot = build_robot(values, description)
     text = describe_robot(values, description)
-    values['robot.joints'], values['robot.base_frame'] = robot.joints, robot.base_frame
+    values['robot.joints'], values['robot.base_frame'] = (
+        arm_joints(robot, values),
+        robot.base_frame,
+    )
     q = values['initial_positions']
-    integrator = Integrator([0.0] * robot.n if q is None else q, robot.limits)
+    integrator = Integrator(robot.neutral if q is None else q, robot.limits, robot.space)
     plant = build_plant(values, robot, text, integrator.q)
     if isinstance(plant.joints, Integrator):
         integrator = plant.joints
-    return SimulatorSettings(values, robot.joints, robot.base_frame, integrator, plant, text)
+    return SimulatorSettings(values, robot.space, robot.base_frame, integrator, plant, text)

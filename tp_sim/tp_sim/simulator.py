@@ -35,6 +35,8 @@ from tp_sim.settings import (
     simulator_schema,
 )
 
+Vector = NDArray[np.float64]
+
 QUEUE_DEPTH = 100
 MESSAGE_TYPES = dict(zip(COMMAND_TYPES, (JointState, Float64MultiArray), strict=True))
 TOPIC_TYPES = {
@@ -64,18 +66,18 @@ class SimulatorNode(RobotNode):
         settings = build_simulator_settings(given, description)
         values = settings.values
         describe_parameters(self, simulator_schema(values), values)
-        self._joints = settings.joints
+        self._space = settings.space
         self._values = values
         self._schema = simulator_schema(values)
         self._plant = settings.plant
         self._dt = 1.0 / values['rate']
-        self._command = np.zeros(len(self._joints))
+        self._command = np.zeros(self._space.nv)
         self._fresh = False
         limits = self._plant.joints.limits
         self._ends = limits.position_min, limits.position_max
         self._at_end = self._find_ends()
-        self._commands = JointStateReader(self._joints, 'command', 'velocity')
-        self._msg = JointState(name=list(self._joints))
+        self._commands = JointStateReader(self._space.velocities, 'command', 'velocity')
+        self._msg = JointState(name=list(self._space.coordinates))
         self._msg.header.frame_id = settings.base_frame
 
         if description is None:
@@ -111,7 +113,7 @@ class SimulatorNode(RobotNode):
         self.add_on_set_parameters_callback(self._check_changes)
         self.add_post_set_parameters_callback(self._change)
         self.get_logger().info(
-            f'{len(self._joints)} joints at {values["rate"]:g} Hz'
+            f'{self._space.nv} joints at {values["rate"]:g} Hz'
             + (', in lockstep' if values['lockstep'] else '')
         )
 
@@ -186,12 +188,20 @@ class SimulatorNode(RobotNode):
         stamp = self._msg.header.stamp
         stamp.sec, stamp.nanosec = divmod(nanoseconds, 1_000_000_000)
         if self._truth.get_subscription_count():
-            self._msg.position, self._msg.velocity = self._plant.q, self._plant.qd
+            self._fill(self._plant.q, self._plant.qd)
             self._truth.publish(self._msg)
         if self._values['plant.silent'] or (self._lockstep is None and self._plant.state_lost()):
             return
-        self._msg.position, self._msg.velocity = self._plant.measured()
+        self._fill(*self._plant.measured())
         self._publisher.publish(self._msg)
+
+    def _fill(self, q: Vector, qd: Vector) -> None:
+        """Put a configuration (nq,) and velocities (n,) in the message.
+
+        Velocities in it are the time derivatives of the positions with the same names.
+        """
+        self._msg.position = q
+        self._msg.velocity = self._space.rates(q) @ qd if self._space.blocks else qd
 
     def _move(self) -> int:
         """Integrate the newest command for one step; return its length [ns]."""
@@ -202,7 +212,7 @@ class SimulatorNode(RobotNode):
 
     def _find_ends(self) -> NDArray[np.bool_]:
         """Whether each joint is at an end of its range (n,)."""
-        q = self._plant.q
+        q = self._space.positions(self._plant.q)
         return (q <= self._ends[0]) | (q >= self._ends[1])
 
     def _tell_stops(self) -> None:
@@ -210,7 +220,7 @@ class SimulatorNode(RobotNode):
         before, self._at_end = self._at_end, self._find_ends()
         driven = self._at_end & ~before
         if driven.any():
-            names = [self._joints[i] for i in np.flatnonzero(driven)]
+            names = [self._space.velocities[i] for i in np.flatnonzero(driven)]
             self.get_logger().warning(
                 f'at the end of the range, held by its stop: {listed(names)}',
                 throttle_duration_sec=1.0,
@@ -283,16 +293,16 @@ class SimulatorNode(RobotNode):
         self._at_end = self._find_ends()
 
     def _with(self, names: list[str], positions: np.ndarray) -> np.ndarray:
-        """Present positions (n,) with some of them replaced."""
-        known = all(name in self._joints for name in names)
+        """Present configuration (nq,) with some coordinates replaced."""
+        known = all(name in self._space.coordinates for name in names)
         if not known or len(set(names)) != len(names) or len(names) != positions.size:
             raise InvalidValue(
                 'reset',
                 f'{shown(names)} with {positions.size} positions',
-                f'one position for each name, names out of {", ".join(self._joints)}',
+                f'one position for each name, names out of {", ".join(self._space.coordinates)}',
             )
         q = self._plant.q
-        q[[self._joints.index(name) for name in names]] = positions
+        q[[self._space.coordinates.index(name) for name in names]] = positions
         return q
 
     async def _on_step(self, request: Step.Request, response: Step.Response) -> Step.Response:

@@ -270,7 +270,7 @@ def run(
     values
         Parameters of the controller.
     q
-        First configuration (n,) [rad, m].
+        First configuration (nq,) [rad, m].
     steps
         How many steps.
     seed
@@ -292,7 +292,7 @@ def run(
     rate = read_parameters(values)['rate']
     if rate is None:
         raise InvalidValue('rate', 'no value', 'a number above 0')
-    plant = _plant(simulated, q)
+    plant = _plant(simulated, values, q)
     values = {key: value for key, value in values.items() if declared or not _tells(key)}
     if declared:
         values |= declaration(plant, 1.0 / rate)
@@ -321,7 +321,7 @@ def run(
             try:
                 command = stack.step(measured, since * period, speed).command
             except UnusableState as error:
-                command = np.zeros(q.size) if error.command is None else error.command
+                command = np.zeros(stack.robot.n) if error.command is None else error.command
             watch.see_command(command, bool(stack.arm.notice), i % every > every // 2)
             since = 0
         since += 1
@@ -330,9 +330,10 @@ def run(
     return watch.outcome(time.perf_counter() - started, _allowance(plant.settings))
 
 
-def _plant(simulated: Mapping[str, Any] | None, q: Vector) -> Plant:
+def _plant(simulated: Mapping[str, Any] | None, controlled: Mapping[str, Any], q: Vector) -> Plant:
     if simulated is None:
-        return Plant(Integrator(q, Limits(q.size)))
+        space = build_robot(read_parameters(controlled)).space
+        return Plant(Integrator(q, Limits(space.nv, ranged=space.ranged), space))
     values = read_simulator_parameters(simulated)
     robot = build_robot(values)
     return build_plant(values, robot, describe_robot(values), q, stops=False)
@@ -368,7 +369,7 @@ def declaration(plant: Plant, period: float) -> dict[str, Any]:
     dict
         The parameters by dotted key; empty for an ideal arm.
     """
-    given, n = plant.settings, plant.q.size
+    given, n = plant.settings, plant.qd.size
     lag = np.broadcast_to(np.asarray(given.lag, dtype=float), (n,))
     if isinstance(plant.joints, RigidBodies):
         lag = lag + plant.joints.lag
@@ -390,7 +391,7 @@ def _places(
     robot: Robot, tasks: Sequence[PositionTask], rng: np.random.Generator
 ) -> Iterator[list[Vector]]:
     while True:
-        robot.update(random_configuration(robot.limits, rng))
+        robot.update(random_configuration(robot, rng))
         far = rng.choice([1.0, rng.uniform(0.7, 1.3)])
         yield [far * robot.frame(task.frame_name).position[task.rows] for task in tasks]
 

@@ -87,14 +87,14 @@ class Watch:
         self._acted = [task.acting.copy() for task in self._sets]
         n = stack.robot.n
         self._before, self._sign = np.zeros((2, n))
-        self._bounds = [Distances(task, n) for task in _sets(truth)]
+        self._bounds = [Distances(task) for task in _sets(truth)]
         self.steps = self.activations = self.braked = self.astray = 0
         self.reversals = self.resting = self.goals = self.reached = 0
         self.distance = self.room = math.inf
         self.speed = self.acceleration = 0.0
 
     def see_place(self, q: Vector) -> None:
-        """Take note of a true configuration (n,)."""
+        """Take note of a true configuration (nq,)."""
         limits = self._stack.robot.limits
         self.steps += 1
         placed = False
@@ -104,7 +104,8 @@ class Watch:
                     self._truth.robot.place(q)
                     placed = True
                 self.distance = min(self.distance, distances.look(q))
-        room = np.minimum(q - limits.position_min, limits.position_max - q)
+        positions = self._stack.robot.space.positions(q)
+        room = np.minimum(positions - limits.position_min, limits.position_max - positions)
         self.room = min(self.room, float(room.min()))
 
     def see_command(self, command: Vector, astray: bool, at_rest: bool) -> None:
@@ -138,7 +139,7 @@ class Watch:
         self._sign[:] = sign
 
     def count_goal(self, q: Vector) -> None:
-        """Take note of how near the true configuration (n,) came to a goal."""
+        """Take note of how near the true configuration (nq,) came to a goal."""
         self._truth.robot.update(q)
         self.goals += 1
         errors = []

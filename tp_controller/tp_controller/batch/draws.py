@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tp_controller.batch.loop import fresh_stack
 from tp_controller.config import Settings
 from tp_controller.errors import InvalidValue
-from tp_controller.robot import Limits
+from tp_controller.robot import Robot
 from tp_controller.stack import Stack
 from tp_controller.tasks import SetBasedTask
 
@@ -32,21 +32,26 @@ class Draw(NamedTuple):
     """What is random in one run."""
 
     start: Vector
-    """First configuration (n,) [rad, m]."""
+    """First configuration (nq,) [rad, m]."""
     goals: dict[str, Vector]
     """Target (target_size,) by task."""
     gain: float
     """Factor on the gains of these tasks."""
 
 
-def random_configuration(limits: Limits, rng: np.random.Generator) -> Vector:
-    """Draw a configuration (n,) [rad, m] uniformly inside the ranges.
+def random_configuration(robot: Robot, rng: np.random.Generator) -> Vector:
+    """Draw a configuration (nq,) [rad, m] uniformly inside the ranges.
 
-    A joint that has no end gets half a turn to that side of zero.
+    A joint that has no end gets half a turn to that side of zero. A base goes the first half of
+    such a way, turns, and goes the rest: so it gets everywhere, whatever its velocities are.
     """
+    limits = robot.limits
     low = np.where(np.isfinite(limits.position_min), limits.position_min, -0.5 * TURN)
     high = np.where(np.isfinite(limits.position_max), limits.position_max, 0.5 * TURN)
-    return rng.uniform(low, high)
+    way: Vector = rng.uniform(low, high)
+    if not robot.space.blocks:
+        return way
+    return robot.integrate(robot.integrate(robot.neutral, 0.5 * way), 0.5 * way)
 
 
 class Draws:
@@ -113,7 +118,7 @@ class Draws:
     def _free(self, run: int, what: int) -> Vector:
         rng, robot = self._generator(run, what), self._robot
         for _ in range(TRIES):
-            q = random_configuration(robot.limits, rng)
+            q = random_configuration(robot, rng)
             if not self._bounds:
                 return q
             robot.update(q)

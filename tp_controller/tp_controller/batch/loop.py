@@ -22,7 +22,7 @@ class Trace(NamedTuple):
     """What a closed loop of m steps did, step by step."""
 
     q: Matrix
-    """Configuration (m, n) [rad, m] that each step answered."""
+    """Configuration (m, nq) [rad, m] that each step answered."""
     commands: Matrix
     """Command (m, n) [rad/s, m/s] of each step."""
     errors: dict[str, Vector]
@@ -59,7 +59,7 @@ def answer(stack: Stack, q: Vector, period: float) -> tuple[Vector, bool, bool]:
     stack
         The stack.
     q
-        Configuration (n,) [rad, m].
+        Configuration (nq,) [rad, m].
     period
         Time [s] since the last call.
 
@@ -75,7 +75,7 @@ def answer(stack: Stack, q: Vector, period: float) -> tuple[Vector, bool, bool]:
     try:
         command = stack.step(q, period).command
     except UnusableState as error:
-        command = np.zeros(q.size) if error.command is None else error.command
+        command = np.zeros(stack.robot.n) if error.command is None else error.command
         return command, True, True
     return command, bool(stack.safety_filter.stopped_by), False
 
@@ -84,14 +84,14 @@ def close_loop(stack: Stack, start: Vector, steps: int, tasks: Sequence[str]) ->
     """Let a stack move joints that carry out every command exactly.
 
     Step i answers the configuration ``q_i`` with the command ``qd_i``; then
-    ``q_(i+1) = q_i + period qd_i``.
+    ``q_(i+1) = integrate(q_i, period qd_i)``.
 
     Parameters
     ----------
     stack
         The stack, before its first step.
     start
-        First configuration (n,) [rad, m]; the joints are at rest.
+        First configuration (nq,) [rad, m]; the joints are at rest.
     steps
         Number m of steps.
     tasks
@@ -103,7 +103,8 @@ def close_loop(stack: Stack, start: Vector, steps: int, tasks: Sequence[str]) ->
         Configurations, commands and errors of all steps.
     """
     period, n = stack.safety_filter.period, stack.robot.n
-    q, commands = np.empty((steps + 1, n)), np.empty((steps, n))
+    robot = stack.robot
+    q, commands = np.empty((steps + 1, robot.nq)), np.empty((steps, n))
     braked, refused = np.zeros((2, steps), dtype=bool)
     errors = [np.empty((steps, stack.tasks[name].k)) for name in tasks]
     watched = [(stack.tasks[name], rows) for name, rows in zip(tasks, errors, strict=True)]
@@ -117,7 +118,7 @@ def close_loop(stack: Stack, start: Vector, steps: int, tasks: Sequence[str]) ->
         for task, rows in watched:
             rows[i] = task.error
         np.multiply(period, command, out=way)
-        np.add(here, way, out=q[i + 1])
+        q[i + 1] = robot.integrate(here, way)
     norms = {
         name: np.sqrt(np.sum(rows * rows, axis=1))
         for name, rows in zip(tasks, errors, strict=True)

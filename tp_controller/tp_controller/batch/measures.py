@@ -12,7 +12,7 @@ from tp_controller.batch.draws import Draws
 from tp_controller.batch.loop import Trace, close_loop, fresh_stack
 from tp_controller.config import Settings
 from tp_controller.distances import least_distance
-from tp_controller.robot import Limits
+from tp_controller.robot import Robot
 from tp_controller.stack import Stack
 from tp_controller.tasks import JointLimitsTask, SetBasedTask
 
@@ -63,7 +63,7 @@ class Runner:
             'time_to_reach': reach,
             **{f'error_{name}': float(trace.errors[name][-1]) for name in batch.errors},
             'clearance': clearance(stack, trace.q),
-            **limit_use(trace, robot.limits, batch.period),
+            **limit_use(trace, robot, batch.period),
             'braked': int(np.count_nonzero(trace.braked)),
             'refused': int(np.count_nonzero(trace.refused)),
             'reversals': most_reversals(trace.commands, robot.limits.velocity),
@@ -103,15 +103,15 @@ def clearance(stack: Stack, path: Matrix) -> float | None:
     return least if math.isfinite(least) else None
 
 
-def limit_use(trace: Trace, limits: Limits, period: float) -> dict[str, float | None]:
+def limit_use(trace: Trace, robot: Robot, period: float) -> dict[str, float | None]:
     """Worst use of each kind of limit as a share of it; above 1 a limit is broken.
 
     Parameters
     ----------
     trace
         The run; before it the joints are at rest.
-    limits
-        Limits of the joints.
+    robot
+        The robot, with its limits.
     period
         Time [s] of one step.
 
@@ -122,13 +122,14 @@ def limit_use(trace: Trace, limits: Limits, period: float) -> dict[str, float | 
         middle of a range over half the range, of joints with two ends. ``acceleration_use``:
         largest ``|qd_i(t) - qd_i(t - period)| / (limit period)``. None without such a limit.
     """
+    limits = robot.limits
     change = np.diff(trace.commands, axis=0, prepend=0.0)
     half = 0.5 * (limits.position_max - limits.position_min)
     ends = np.isfinite(half)
     middle = limits.position_min[ends] + half[ends]
     return {
         'velocity_use': _largest(trace.commands, limits.velocity),
-        'range_use': _largest(trace.q[:, ends] - middle, half[ends]),
+        'range_use': _largest(trace.q[:, robot.space.own[ends]] - middle, half[ends]),
         'acceleration_use': _largest(change, limits.acceleration * period),
     }
 

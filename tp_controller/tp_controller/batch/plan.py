@@ -49,7 +49,7 @@ class Batch:
     tolerance
         Error norm [m, rad] up to which a goal is reached.
     start
-        First configuration (n,) [rad, m] of every run; None for random ones.
+        First configuration (nq,) [rad, m] of every run; None for random ones.
     """
 
     values: Flat
@@ -107,7 +107,7 @@ def plan_batch(
     tolerance
         Error norm [m, rad] up to which a goal is reached, above 0.
     start
-        First configuration (n,) [rad, m] of every run; random inside the ranges when left out.
+        First configuration (nq,) [rad, m] of every run; random inside the ranges when left out.
 
     Raises
     ------
@@ -202,12 +202,17 @@ def _gain(gain: tuple[float, float]) -> tuple[float, float]:
 def _start(stack: Stack, start: Sequence[float]) -> tuple[float, ...]:
     robot = stack.robot
     q = np.array(start, dtype=float)
-    if q.shape != (robot.n,):
-        raise InvalidValue(
-            'start', plural(q.size, 'value'), f'{robot.n} values, one per joint of robot.joints'
-        )
-    low, high = robot.limits.position_min, robot.limits.position_max
-    if not np.all(np.isfinite(q) & (low <= q) & (q <= high)):
+    if q.shape != (robot.nq,):
+        whose = 'one per joint of robot.joints'
+        if robot.space.blocks:
+            whose = f'those of {listed(robot.coordinates)}'
+        raise InvalidValue('start', plural(q.size, 'value'), f'{robot.nq} values, {whose}')
+    low, high, positions = (
+        robot.limits.position_min,
+        robot.limits.position_max,
+        robot.space.positions(q),
+    )
+    if not (np.isfinite(q).all() and np.all((low <= positions) & (positions <= high))):
         raise InvalidValue('start', shown(q), 'finite numbers inside robot.limits.position_…')
     return tuple(float(value) for value in q)
 

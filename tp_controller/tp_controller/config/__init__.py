@@ -3,6 +3,7 @@
 from tp_controller.config.additions import build_addition, check_removal, remove
 from tp_controller.config.build import (
     Settings,
+    arm_joints,
     build_robot,
     build_settings,
     build_stack,
@@ -26,6 +27,7 @@ __all__ = [
     'SHARED',
     'START',
     'Settings',
+    'arm_joints',
     'build_addition',
     'build_robot',
     'build_settings',

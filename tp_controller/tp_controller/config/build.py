@@ -33,12 +33,14 @@ from tp_controller.robot import (
     urdf_robot,
 )
 from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
+from tp_controller.robot.motions import BASE, FIXED
 from tp_controller.robot.response import KEYS as RESPONSE
 from tp_controller.robot.srdf import SRDF
 from tp_controller.solvers import SOLVER_TYPES, Inverse
 from tp_controller.stack import Stack, split_hierarchy
 from tp_controller.tasks import TASK_TYPES, Task
 
+BASE_KIND = 'robot.base'
 RANGE = ('position_min', 'position_max')
 """Limits that make a range."""
 
@@ -79,7 +81,10 @@ def build_settings(
     robot = build_robot(values, description)
     if not find_rate or any(values[f'robot.limits.{key}'] is not None for key in RANGE):
         robot.limits.check_period(robot.joints, _period(values))
-    values['robot.joints'], values['robot.base_frame'] = robot.joints, robot.base_frame
+    values['robot.joints'], values['robot.base_frame'] = (
+        arm_joints(robot, values),
+        robot.base_frame,
+    )
     stack = build_stack(robot, values)
     for name, task in stack.tasks.items():
         values[f'tasks.{name}.feedforward'] = tuple(task.feedforward)
@@ -140,7 +145,19 @@ def describe_robot(values: Flat, received: str | None = None) -> str:
         return received
     if source == URDF:
         return read_description(values[URDF])
-    return values[DESCRIPTION] if source == DESCRIPTION else dh_description(*_dh_arm(values))
+    if source == DESCRIPTION:
+        return values[DESCRIPTION]
+    # A description is that of the arm alone, which the same parameter puts on its base.
+    robot = _dh_robot(values)
+    joints, dh, base_frame = _dh_arm(values)
+    if robot.space.blocks:
+        base_frame = BASE
+    return dh_description(joints, dh, base_frame, robot.limits.part(robot.n - len(joints)))
+
+
+def arm_joints(robot: Robot, values: Flat) -> tuple[str, ...]:
+    """Names of the controlled joints as in ``robot.joints``, without that of ``robot.base``."""
+    return robot.space.joints[0 if values[BASE_KIND] == FIXED else 1 :]
 
 
 def build_robot(values: Flat, received: str | None = None) -> Robot:
@@ -166,12 +183,19 @@ def build_robot(values: Flat, received: str | None = None) -> Robot:
 def _described(values: Flat, received: str | None) -> Robot:
     source = robot_source(values)
     if source not in (URDF, DESCRIPTION, None):
-        return _clad(dh_robot(*_dh_arm(values)), None, values)
+        return _clad(_dh_robot(values), None, values)
     text = describe_robot(values, received)
     limits = {key: values[f'robot.limits.{key}'] for key in Limits.KEYS}
     rest = {key.removeprefix(REST): values[key] for key in values if key.startswith(REST)}
     try:
-        robot = urdf_robot(text, values['robot.joints'], values['robot.base_frame'], limits, rest)
+        robot = urdf_robot(
+            text,
+            values['robot.joints'],
+            values['robot.base_frame'],
+            limits,
+            rest,
+            values[BASE_KIND],
+        )
         return _clad(robot, text, values)
     except InvalidValue as error:
         if error.key == URDF and source != URDF:
@@ -187,12 +211,17 @@ def _clad(robot: Robot, description: str | None, values: Flat) -> Robot:
     return robot
 
 
-def _dh_arm(values: Flat) -> tuple[Sequence[str], DHParameters, str | None, Limits]:
-    """Arguments of `dh_robot` and `dh_description`."""
-    joints = values['robot.joints']
+def _dh_robot(values: Flat) -> Robot:
+    robot = dh_robot(*_dh_arm(values), base=values[BASE_KIND])
+    limits = {key: values[f'robot.limits.{key}'] for key in Limits.KEYS}
+    robot.limits = robot.limits.replaced(**limits)
+    return robot
+
+
+def _dh_arm(values: Flat) -> tuple[Sequence[str], DHParameters, str | None]:
+    """Joints, parameters and base frame, arguments of `dh_robot` and `dh_description`."""
     dh = DHParameters(*(values[f'robot.dh.{key}'] for key in DHParameters._fields))
-    limits = Limits(len(joints), **{key: values[f'robot.limits.{key}'] for key in Limits.KEYS})
-    return joints, dh, values['robot.base_frame'], limits
+    return values['robot.joints'], dh, values['robot.base_frame']
 
 
 def build_stack(robot: Robot, values: Flat) -> Stack:

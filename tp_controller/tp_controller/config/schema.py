@@ -20,6 +20,7 @@ from tp_controller.parameters import (
 )
 from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
 from tp_controller.robot.dh import CONVENTIONS, JOINT_TYPES
+from tp_controller.robot.motions import BASES, FIXED
 from tp_controller.robot.srdf import SRDF
 from tp_controller.solvers import DEFAULT, INVERSES, SATURATIONS, SOLVER_TYPES
 from tp_controller.tasks import COMMON, TASK_TYPES
@@ -66,11 +67,23 @@ SHARED: Mapping[str, Parameter] = {
     'robot.dh.convention': Parameter(
         TEXT, 'Order of the four parameters', default='standard', choices=CONVENTIONS
     ),
+    'robot.base': Parameter(
+        TEXT,
+        'What the arm stands on; of a base that moves the velocities come first',
+        default=FIXED,
+        choices=BASES,
+    ),
     'robot.base_frame': Parameter(
-        TEXT, 'Frame of positions and velocities; base with dh, the root link with a URDF'
+        TEXT,
+        'Frame of positions and velocities; base with dh, the root link with a URDF, odom with a '
+        'base that moves',
     ),
     'robot.limits.velocity': Parameter(
-        NUMBERS, 'Largest speed [rad/s, m/s], one value or one per joint', above=0.0, runtime=True
+        NUMBERS,
+        'Largest speed [rad/s, m/s], one value or one per velocity: those of a base that moves, '
+        'then one per joint',
+        above=0.0,
+        runtime=True,
     ),
     'robot.limits.position_min': Parameter(
         NUMBERS, 'Lower end of the range [rad, m], one value or one per joint', runtime=True
@@ -80,24 +93,25 @@ SHARED: Mapping[str, Parameter] = {
     ),
     'robot.limits.acceleration': Parameter(
         NUMBERS,
-        'Largest acceleration [rad/s², m/s²], one value or one per joint; needs rate',
+        'Largest acceleration [rad/s², m/s²], one value or one per velocity; needs rate',
         above=0.0,
         runtime=True,
     ),
     'robot.delay': Parameter(
         NUMBERS,
         'Time [s] from a joint state to when the command that answers it acts, one value or one '
-        'per joint; 0 if it acts at once',
+        'per velocity; 0 if it acts at once',
         minimum=0.0,
     ),
     'robot.lag': Parameter(
         NUMBERS,
-        'Time constant [s] with which velocities follow the command, one value or one per joint',
+        'Time constant [s] with which velocities follow the command, one value or one per '
+        'velocity',
         minimum=0.0,
     ),
     'robot.noise': Parameter(
         NUMBERS,
-        'Amplitude [rad, m] of the noise in measured positions, one value or one per joint',
+        'Amplitude [rad, m] of the noise in measured positions, one value or one per velocity',
         minimum=0.0,
     ),
     'robot.hold': Parameter(

@@ -54,7 +54,7 @@ class JointRangeObjective(Objective):
         bounded = np.isfinite(lower) & np.isfinite(upper)
         length = np.where(bounded, upper - lower, np.inf)
         middle = 0.5 * (np.where(bounded, lower, 0.0) + np.where(bounded, upper, 0.0))
-        return (self.robot.q - middle) / length, length
+        return (self.robot.positions - middle) / length, length
 
     @property
     def value(self) -> float:

@@ -25,7 +25,7 @@ class PostureObjective(Objective):
     robot
         The robot.
     positions
-        The posture q₀ (n,) [rad, m].
+        The posture q₀ [rad, m], one position per joint; a base has no part in it.
 
     Raises
     ------
@@ -43,12 +43,16 @@ class PostureObjective(Objective):
     def __init__(self, robot: Robot, positions: Sequence[float]) -> None:
         super().__init__(robot)
         self._positions = np.array(positions, dtype=float)
-        if self._positions.shape != (robot.n,):
+        space = robot.space
+        if self._positions.shape != (len(space.scalars),):
             got = f'{plural(len(positions), "value")} {shown(positions)}'
-            raise InvalidValue('positions', got, plural(robot.n, 'value'))
+            raise InvalidValue('positions', got, plural(len(space.scalars), 'value'))
         if not np.isfinite(self._positions).all():
             raise InvalidValue('positions', shown(self._positions), 'finite numbers')
-        self._wrapping = [i for i, wraps in enumerate(robot.wrapping) if wraps]
+        self._positions = np.zeros(robot.n)
+        self._positions[space.ranged] = positions
+        own = enumerate(space.own.tolist())
+        self._wrapping = [j for j, i in own if i >= 0 and robot.wrapping[i]]
         self._way = np.zeros(robot.n)
 
     @classmethod
@@ -64,6 +68,6 @@ class PostureObjective(Objective):
 
     def gradient(self, out: Vector) -> None:
         """Write ``q₀ - q`` (n,) to ``out``."""
-        np.subtract(self._positions, self.robot.q, out=out)
+        np.subtract(self._positions, self.robot.positions, out=out)
         for i in self._wrapping:
             out[i] = wrap(out[i])

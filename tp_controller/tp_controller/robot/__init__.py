@@ -7,12 +7,15 @@ from tp_controller.robot.dh import DHParameters, dh_robot
 from tp_controller.robot.limits import Limits
 from tp_controller.robot.make import clad
 from tp_controller.robot.model import Coupling, Frame, Robot
+from tp_controller.robot.motions import BASES
 from tp_controller.robot.pairs import link_pairs, obstacle_clearance, self_clearance
 from tp_controller.robot.response import Response
 from tp_controller.robot.shapes import Shape, capsule, half_space, sphere
+from tp_controller.robot.space import Space
 from tp_controller.robot.urdf import LONGEST_URDF, read_description, urdf_robot
 
 __all__ = [
+    'BASES',
     'LONGEST_URDF',
     'Bodies',
     'Clearance',
@@ -23,6 +26,7 @@ __all__ = [
     'Response',
     'Robot',
     'Shape',
+    'Space',
     'capsule',
     'clad',
     'dh_description',

@@ -23,11 +23,11 @@ def lower_bounds(q, anchor, reach, known, threshold, lower, near):  # type: igno
     Parameters
     ----------
     q
-        Present configuration (n,) [rad, m].
+        Present configuration (nq,) [rad, m].
     anchor, known
-        Configurations (p, n) and the distances (p,) [m] there.
+        Configurations (p, nq) and the distances (p,) [m] there.
     reach
-        Bounds (p, n) on the derivatives of the distances.
+        Bounds (p, nq) on the change of the distances per change of each coordinate.
     threshold
         Thresholds (p,) [m].
     lower
@@ -74,11 +74,11 @@ def take(results, q, near, count, known, lower, anchor):  # type: ignore[no-unty
     results
         Results (p, `WIDTH`) of all pairs.
     q
-        The configuration (n,) [rad, m].
+        The configuration (nq,) [rad, m].
     near, count
         Which pairs were computed, the first ``count``. Afterwards those that failed come first.
     known, lower, anchor
-        Distances (p,), bounds (p,) and configurations (p, n), to be filled.
+        Distances (p,), bounds (p,) and configurations (p, nq), to be filled.
 
     Returns
     -------

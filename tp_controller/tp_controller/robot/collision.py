@@ -125,14 +125,15 @@ class Clearance:
         k, n, pairs = len(rows), robot.n, len(reaches)
         self._starts, self._sides_of = np.array(starts, dtype=np.int64), np.array(sides)
         self._row_of = np.repeat(np.arange(k), counts)
-        self._pair_reaches = np.array(reaches)
-        self.reach: Matrix = np.maximum.reduceat(self._pair_reaches, self._starts)
+        self.reach: Matrix = np.maximum.reduceat(np.array(reaches), self._starts)
+        # Distances between configurations are those of their coordinates.
+        self._pair_reaches = robot.space.coordinate_reach(np.array(reaches))
         self.distance: Vector = np.full(k, math.nan)
         self.slope: Matrix = np.zeros((k, n))
         # For every pair of shapes: a distance, the configuration of it, and the bound that is
         # left of it.
         self._known, self._lower = np.full(pairs, -math.inf), np.full(pairs, -math.inf)
-        self._anchor, self._ways = np.zeros((pairs, n)), np.zeros((pairs, 6))
+        self._anchor, self._ways = np.zeros((pairs, robot.nq)), np.zeros((pairs, 6))
         S = None if robot.coupling is None else robot.coupling.S
         self._S: Matrix = np.zeros((0, 0)) if S is None else np.array(S, dtype=float, order='C')
         self._coupled = S is not None
@@ -333,7 +334,8 @@ class Clearance:
         end = 0 if row.other is None else body_place(self.robot, row.other)[0]
         sides = np.zeros(model.nv)
         for joint, up in joint_path(model, start, end):
-            sides[model.joints[joint].idx_v] = 1.0 if up else -1.0
+            first = model.joints[joint].idx_v
+            sides[first : first + model.joints[joint].nv] = 1.0 if up else -1.0
         return sides
 
 

@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.robot.limits import Limits
-from tp_controller.robot.model import Robot
+from tp_controller.robot.model import Robot, coupled
+from tp_controller.robot.motions import BASE, FIXED, FLOATING, SCALAR, WORLD, check_base
+from tp_controller.robot.space import Space
 
 Vector = NDArray[np.float64]
 
@@ -51,6 +53,7 @@ def dh_robot(
     dh: DHParameters,
     base_frame: str | None = None,
     limits: Limits | None = None,
+    base: str = FIXED,
 ) -> Robot:
     """Build the kinematic model of a DH arm with the frames ``link_1`` … ``link_n``.
 
@@ -61,34 +64,49 @@ def dh_robot(
     dh
         The parameters of each joint.
     base_frame
-        Name of the frame that everything is expressed in; ``base`` when left out.
+        Name of the frame that everything is expressed in; when left out ``base``, or ``odom`` if
+        the base moves. The frame of a base that moves is ``base``.
     limits
-        Joint limits; absent means unlimited.
+        Limits of the velocities, those of the base first; absent means unlimited.
+    base
+        What the arm stands on, one of `BASES`.
 
     Raises
     ------
     InvalidValue
         If a list has not one value per joint or a joint type is unknown.
     """
+    check_base(base)
     model = pin.Model()
     model.name = 'dh_arm'
     parent = 0
     placement = pin.SE3.Identity()
+    names, kinds = list(joints), [SCALAR] * len(joints)
+    links = [f'link_{i + 1}' for i in range(len(joints))]
+    start: str | Vector = np.array(dh.base_pose[:3], dtype=float)
+    if base != FIXED:
+        if BASE in joints:
+            raise InvalidValue('robot.joints', f'{shown(BASE)} beside robot.base', 'another name')
+        motion = pin.JointModelFreeFlyer() if base == FLOATING else pin.JointModelPlanar()
+        parent = model.addJoint(0, motion, placement, BASE)
+        model.addFrame(pin.Frame(BASE, parent, 0, placement, pin.OP_FRAME))
+        names, kinds, start = [BASE, *names], [base, *kinds], BASE
     for i, (before, after) in enumerate(dh_placements(joints, dh)):
         joint = pin.JointModelRZ() if dh.types[i] == 'revolute' else pin.JointModelPZ()
         parent = model.addJoint(parent, joint, placement * before, joints[i])
         placement = after
-        model.addFrame(pin.Frame(f'link_{i + 1}', parent, 0, placement, pin.OP_FRAME))
-    base_frame = 'base' if base_frame is None else base_frame
-    links = [f'link_{i + 1}' for i in range(len(joints))]
-    if base_frame in links:
+        model.addFrame(pin.Frame(links[i], parent, 0, placement, pin.OP_FRAME))
+    if base_frame is None:
+        base_frame = BASE if base == FIXED else WORLD
+    taken = links if base == FIXED else [BASE, *links]
+    if base_frame in taken:
         raise InvalidValue(
-            'robot.base_frame', shown(base_frame), f'a name that no link has ({listed(links)})'
+            'robot.base_frame', shown(base_frame), f'a name that no link has ({listed(taken)})'
         )
-    foot = np.array(dh.base_pose[:3], dtype=float)
-    starts: list[str | Vector] = [foot, *links]
-    lines = list(zip(starts, links, strict=False))
-    return Robot(model, joints, base_frame, limits, lines=lines)
+    lines = list(zip([start, *links], links, strict=False))
+    space = Space(names, kinds)
+    coupling = coupled(model, space)
+    return Robot(model, space, base_frame, limits, coupling, lines)
 
 
 def dh_placements(joints: Sequence[str], dh: DHParameters) -> list[tuple[pin.SE3, pin.SE3]]:

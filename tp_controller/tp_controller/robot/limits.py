@@ -28,6 +28,9 @@ class Limits:
         Range [rad, m].
     acceleration
         Largest acceleration [rad/s², m/s²], above zero.
+    ranged
+        Which joints (n,) can have a range; all of them when left out. The values of a range are
+        those of these joints: a pose has none.
 
     Raises
     ------
@@ -45,11 +48,16 @@ class Limits:
         position_min: Sequence[float] | None = None,
         position_max: Sequence[float] | None = None,
         acceleration: Sequence[float] | None = None,
+        ranged: Sequence[bool] | NDArray[np.bool_] | None = None,
     ) -> None:
-        self.velocity = _positive('velocity', velocity, n)
-        self.acceleration = _positive('acceleration', acceleration, n)
-        self.position_min = _spread('position_min', position_min, n, -np.inf)
-        self.position_max = _spread('position_max', position_max, n, np.inf)
+        self.ranged = np.ones(n, dtype=bool) if ranged is None else np.array(ranged, dtype=bool)
+        whose = 'one per joint of robot.joints'
+        if not self.ranged.all():
+            whose = 'one per velocity, those of the base first'
+        self.velocity = _positive('velocity', velocity, n, whose)
+        self.acceleration = _positive('acceleration', acceleration, n, whose)
+        self.position_min = _range('position_min', position_min, self.ranged, -np.inf)
+        self.position_max = _range('position_max', position_max, self.ranged, np.inf)
         self._check_ranges()
 
     def replaced(self, **given: Sequence[float] | None) -> Limits:
@@ -60,13 +68,21 @@ class Limits:
         InvalidValue
             As the constructor.
         """
-        n = self.velocity.size
-        new = Limits(n)
+        n, ranged = self.velocity.size, self.ranged
+        new = Limits(n, ranged=ranged)
         for key in self.KEYS:
-            other = Limits(n, **{key: given.get(key)}) if given.get(key) is not None else self
+            value = given.get(key)
+            other = self if value is None else Limits(n, ranged=ranged, **{key: value})
             setattr(new, key, getattr(other, key))
         new._check_ranges()
         return new
+
+    def part(self, first: int) -> Limits:
+        """Limits of the joints from one on, such as those of an arm behind its base."""
+        part = Limits(self.velocity.size - first, ranged=self.ranged[first:])
+        for key in self.KEYS:
+            setattr(part, key, getattr(self, key)[first:])
+        return part
 
     def check_period(self, joints: Sequence[str], period: float) -> None:
         """Check that the ranges can be kept: that takes steps of a known time.
@@ -101,14 +117,20 @@ class Limits:
             )
 
 
-def _spread(key: str, values: Sequence[float] | None, n: int, absent: float) -> Vector:
+def _spread(
+    key: str,
+    values: Sequence[float] | None,
+    n: int,
+    absent: float,
+    whose: str = 'one per joint of robot.joints',
+) -> Vector:
     """Limit per joint (n,) from one value, n values or none; read-only."""
     if values is None:
         limit = np.full(n, absent)
     else:
         limit = np.array(values, dtype=float).reshape(-1)
         if limit.size not in (1, n):
-            accepts = '1 value' if n == 1 else f'1 value or {n}, one per joint of robot.joints'
+            accepts = '1 value' if n == 1 else f'1 value or {n}, {whose}'
             raise InvalidValue(
                 f'robot.limits.{key}', f'{limit.size} values {shown(limit)}', accepts
             )
@@ -119,9 +141,21 @@ def _spread(key: str, values: Sequence[float] | None, n: int, absent: float) -> 
     return limit
 
 
-def _positive(key: str, values: Sequence[float] | None, n: int) -> Vector:
+def _range(
+    key: str, values: Sequence[float] | None, ranged: NDArray[np.bool_], absent: float
+) -> Vector:
+    """As `_spread`, for the ends of ranges: of joints that have none it is absent."""
+    if ranged.all():
+        return _spread(key, values, ranged.size, absent)
+    limit = np.full(ranged.size, absent)
+    limit[ranged] = _spread(key, values, int(np.count_nonzero(ranged)), absent)
+    limit.flags.writeable = False
+    return limit
+
+
+def _positive(key: str, values: Sequence[float] | None, n: int, whose: str) -> Vector:
     """As `_spread`, for a limit on a magnitude."""
-    limit = _spread(key, values, n, np.inf)
+    limit = _spread(key, values, n, np.inf, whose)
     if not np.all(limit > 0.0):
         raise InvalidValue(f'robot.limits.{key}', shown(limit), 'numbers above 0')
     return limit

@@ -11,6 +11,7 @@ from tp_controller.robot.bodies import robot_bodies, robot_links
 from tp_controller.robot.dh import DHParameters, dh_robot
 from tp_controller.robot.limits import Limits
 from tp_controller.robot.model import Robot
+from tp_controller.robot.motions import FIXED
 from tp_controller.robot.srdf import disabled_pairs
 from tp_controller.robot.urdf import read_description, urdf_robot
 
@@ -61,10 +62,11 @@ def robot_from_urdf(
     rest_positions: Mapping[str, float] | None = None,
     link_radius: Values | None = None,
     srdf: str | None = None,
+    base: str = FIXED,
 ) -> Robot:
     """Make a robot of a URDF file, see `Robot.from_urdf`."""
     text = read_description(os.fspath(path))
-    robot = urdf_robot(text, joints, base_frame, _limits(limits), rest_positions)
+    robot = urdf_robot(text, joints, base_frame, _limits(limits), rest_positions, base)
     return clad(robot, text, _values(link_radius), srdf=srdf)
 
 
@@ -80,6 +82,7 @@ def robot_from_dh(
     base_pose: Sequence[float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
     convention: str = 'standard',
     link_radius: Values | None = None,
+    base: str = FIXED,
 ) -> Robot:
     """Make a robot of Denavit-Hartenberg parameters, see `Robot.from_dh`."""
     n = len(a)
@@ -94,8 +97,9 @@ def robot_from_dh(
         base_pose,
         convention,
     )
-    own = Limits(len(names), **_limits(limits))
-    return clad(dh_robot(names, dh, base_frame, own), None, _values(link_radius))
+    robot = dh_robot(names, dh, base_frame, base=base)
+    robot.limits = robot.limits.replaced(**_limits(limits))
+    return clad(robot, None, _values(link_radius))
 
 
 def _limits(limits: Mapping[str, Values] | None) -> dict[str, Sequence[float] | None]:

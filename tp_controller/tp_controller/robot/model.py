@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.robot.limits import Limits
+from tp_controller.robot.motions import FIXED
 from tp_controller.robot.reach import Path, crossings, joint_path, path_speeds
 from tp_controller.robot.response import Response
 from tp_controller.robot.shapes import Shape
+from tp_controller.robot.space import Space
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -25,12 +27,43 @@ LINKS = (pin.OP_FRAME, pin.BODY)
 
 
 class Coupling(NamedTuple):
-    """How the m joints of a model follow the n controlled ones: ``q_model = S q + offset``."""
+    """How the m velocities of a model follow the n that can be chosen: ``v_model = S qd``.
+
+    Joints with one coordinate follow in the same way, ``q_model = S q + offset``.
+    """
 
     S: Matrix
     """(m, n)."""
     offset: Vector
     """(m,) [rad, m]."""
+
+
+def coupled(
+    model: pin.Model,
+    space: Space,
+    followers: Mapping[str, tuple[str, float, float]] | None = None,
+) -> Coupling | None:
+    """How a model follows the velocities of a space; None if they are the same.
+
+    Parameters
+    ----------
+    model
+        The model; its joints are those of the space, by name, and their followers.
+    space
+        The space. Of a differential drive the model's planar joint has a velocity more.
+    followers
+        For joints that follow another: its name, a factor and an offset [rad, m].
+    """
+    S, offset = np.zeros((model.nv, space.nv)), np.zeros(model.nv)
+    first = dict(zip(space.joints, space.first_v, strict=True))
+    kept = {block.joint: block.kept for block in space.blocks}
+    for name, joint in zip(list(model.names)[1:], list(model.joints)[1:], strict=True):
+        leader, factor, shift = (followers or {}).get(name, (name, 1.0, 0.0))
+        for i, row in enumerate(kept.get(name, (0,))):
+            S[joint.idx_v + row, first[leader] + i] = factor
+        offset[joint.idx_v] = shift
+    same = S.shape[0] == S.shape[1] and np.array_equal(S, np.eye(len(S)))
+    return None if same and not offset.any() else Coupling(S, offset)
 
 
 class Robot:
@@ -39,61 +72,75 @@ class Robot:
     Parameters
     ----------
     model
-        Pinocchio model whose universe is the base frame and whose joints have one position
-        each.
+        Pinocchio model whose universe is the base frame.
     joints
-        Names of the controlled joints (n,).
+        Names of the controlled joints, or the `Space` of these.
     base_frame
         Name of the frame that everything is expressed in.
     limits
         Joint limits; absent means unlimited.
     coupling
-        How the joints of the model follow the controlled ones; absent means that they are
-        the same, in the same order.
+        How the model follows the velocities; absent means that they are the same, in the same
+        order.
     lines
         Pairs that a picture of the arm connects: a frame or a fixed point (3,) [m], and a
         frame beyond it.
     wrapping
-        For every joint whether whole turns make no difference (n,); absent means no.
+        For every joint whether whole turns make no difference; absent means no. A space says so
+        itself.
 
     Raises
     ------
     InvalidValue
         If there is no joint or a name stands twice.
+
+    Attributes
+    ----------
+    space
+        The configuration space: names of coordinates and velocities, and how they belong together.
+    joints
+        Names of the velocities (n,), in the order of commands. Of revolute and prismatic joints
+        these are the names of the joints.
+    n
+        Number of the velocities.
     """
 
     def __init__(
         self,
         model: pin.Model,
-        joints: Sequence[str],
+        joints: Sequence[str] | Space,
         base_frame: str = 'base',
         limits: Limits | None = None,
         coupling: Coupling | None = None,
         lines: Sequence[tuple[str | Vector, str]] = (),
         wrapping: Sequence[bool] | None = None,
     ) -> None:
-        self.joints = tuple(joints)
+        space = joints if isinstance(joints, Space) else Space(joints, None, wrapping)
+        self.space = space
+        self.joints = space.velocities
         if not self.joints:
             raise InvalidValue('robot.joints', 'no joint', 'one or more joint names')
-        if len(set(self.joints)) != len(self.joints):
-            raise InvalidValue('robot.joints', shown(self.joints), 'every joint once')
-        self.n = len(self.joints)
+        for names in (space.velocities, space.coordinates):
+            if len(set(names)) != len(names):
+                raise InvalidValue('robot.joints', shown(names), 'every joint once')
+        self.n = space.nv
         self.base_frame = base_frame
-        self.limits = limits if limits is not None else Limits(self.n)
+        self.limits = limits if limits is not None else Limits(self.n, ranged=space.ranged)
         self.response = Response.of(self.n)
         """What the arm makes of its commands; ideal at first. Tasks and stacks that are made
         later go by it."""
-        self.wrapping = tuple(wrapping) if wrapping is not None else (False,) * self.n
         self._model = model
         self._data = model.createData()
         self._crossings = crossings(model)
         self.coupling = coupling
-        """How the joints of the model follow the controlled ones, None if they are the same."""
-        self._q = np.zeros(self.n)
+        """How the model follows the velocities, None if they are the same."""
+        self._q = space.neutral.copy()
         self._q_view = self._q.view()
         self._q_view.flags.writeable = False
-        # Without a coupling the model's configuration is the robot's own.
-        self._q_model = self._q if coupling is None else np.zeros(model.nq)
+        # Scalar joints without a coupling have the model's configuration as their own.
+        own = coupling is None and not space.blocks
+        self._q_model = self._q if own else pin.neutral(model)
+        self._places = _places(model, space)
         self._stamp = np.zeros(1, dtype=np.int64)
         self._frames = {
             frame.name: Frame(model, self._data, i, coupling, self._stamp)
@@ -124,6 +171,7 @@ class Robot:
         rest_positions: Mapping[str, float] | None = None,
         link_radius: float | Sequence[float] | None = None,
         srdf: str | None = None,
+        base: str = FIXED,
     ) -> Robot:
         """Make a robot of a URDF file; its links are the frames.
 
@@ -140,6 +188,8 @@ class Robot:
             collision shapes when left out.
         srdf
             Path of an SRDF whose ``disable_collisions`` tasks leave out.
+        base
+            What the root stands on: ``fixed``, ``planar``, ``floating`` or ``differential``.
 
         Raises
         ------
@@ -148,7 +198,9 @@ class Robot:
         """
         from tp_controller.robot.make import robot_from_urdf
 
-        return robot_from_urdf(path, joints, base_frame, limits, rest_positions, link_radius, srdf)
+        return robot_from_urdf(
+            path, joints, base_frame, limits, rest_positions, link_radius, srdf, base
+        )
 
     @staticmethod
     def from_dh(
@@ -170,8 +222,8 @@ class Robot:
             ``revolute`` or ``prismatic`` (n,); revolute when left out.
         others
             ``joints`` (names; ``joint_1`` and so on when left out), ``base_frame``,
-            ``base_pose``, ``convention`` as `dh_robot`, ``limits`` and ``link_radius`` as
-            `from_urdf`.
+            ``base_pose``, ``convention`` and ``base`` as `dh_robot`, ``limits`` and
+            ``link_radius`` as `from_urdf`.
 
         Raises
         ------
@@ -204,8 +256,58 @@ class Robot:
 
     @property
     def q(self) -> Vector:
-        """Configuration (n,) [rad, m] of the last update; a read-only view."""
+        """Configuration (nq,) [rad, m] of the last update; a read-only view."""
         return self._q_view
+
+    @property
+    def nq(self) -> int:
+        """Number of coordinates of a configuration."""
+        return self.space.nq
+
+    @property
+    def nv(self) -> int:
+        """Number of velocities, `n`."""
+        return self.space.nv
+
+    @property
+    def neutral(self) -> Vector:
+        """Configuration (nq,) with joints at zero and poses at the origin; a copy."""
+        return self.space.neutral.copy()
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names (nq,) of the coordinates, in the order of configurations."""
+        return self.space.coordinates
+
+    @property
+    def wrapping(self) -> tuple[bool, ...]:
+        """For every coordinate whether whole turns make no difference (nq,)."""
+        return self.space.wrapping
+
+    @property
+    def positions(self) -> Vector:
+        """Positions (n,) [rad, m] of the last update, zero for the velocities of a pose."""
+        return self.space.positions(self._q_view)
+
+    def integrate(self, q: Vector, v_dt: Vector) -> Vector:
+        """Configuration (nq,) that velocities lead to.
+
+        Parameters
+        ----------
+        q
+            Configuration (nq,) [rad, m].
+        v_dt
+            Constant velocities times the time (n,) [rad, m].
+        """
+        return self.space.integrate(q, v_dt)
+
+    def difference(self, q0: Vector, q1: Vector) -> Vector:
+        """Velocities times the time (n,) [rad, m] that lead from q0 to q1, both (nq,).
+
+        It undoes `integrate`, except for whole turns, and for what the robot has no velocity for:
+        a differential drive that is beside its place is not led there.
+        """
+        return self.space.difference(q0, q1)
 
     def frame(self, name: str) -> Frame:
         """Frame of that name, the same object at every call.
@@ -233,19 +335,19 @@ class Robot:
         )
 
     def joint_indices(self, names: Sequence[str]) -> list[int]:
-        """Indices of the named joints.
+        """Indices of the named coordinates.
 
         Raises
         ------
         InvalidValue
-            If the robot has no such joint, or one is named twice.
+            If the robot has no such coordinate, or one is named twice.
         """
         for name in names:
-            if name not in self.joints:
-                raise InvalidValue('joints', shown(name), f'some of {listed(self.joints)}')
+            if name not in self.coordinates:
+                raise InvalidValue('joints', shown(name), f'some of {listed(self.coordinates)}')
         if len(set(names)) != len(names):
             raise InvalidValue('joints', shown(list(names)), 'every joint once')
-        return [self.joints.index(name) for name in names]
+        return [self.coordinates.index(name) for name in names]
 
     def reach(self, name: str) -> Vector:
         """Bound (n,) on the speed of a frame's origin per joint speed, at any configuration.
@@ -281,21 +383,21 @@ class Robot:
         """Whether each joint moves a sliding one of the model (n,)."""
         slides = np.zeros(self._model.nv, dtype=np.bool_)
         for joint in self._model.joints[1:]:
-            slides[joint.idx_v] = joint.shortname().startswith('JointModelP')
+            slides[joint.idx_v] = joint.nv == 1 and joint.shortname().startswith('JointModelP')
         if self.coupling is None:
             return slides
         moves: NDArray[np.bool_] = (self.coupling.S[slides] != 0.0).any(axis=0)
         return moves
 
     def update(self, q: Vector) -> None:
-        """Move every frame to configuration ``q`` (n,) [rad, m]."""
+        """Move every frame to configuration ``q`` (nq,) [rad, m]."""
         self._take(q)
         pin.computeJointJacobians(self._model, self._data, self._q_model)
         pin.updateFramePlacements(self._model, self._data)
         self._stamp += 1
 
     def place(self, q: Vector) -> None:
-        """Move every frame to ``q`` (n,) [rad, m], positions only.
+        """Move every frame to ``q`` (nq,) [rad, m], positions only.
 
         Quicker than `update`, which has to follow before anything else is asked for.
         """
@@ -304,9 +406,39 @@ class Robot:
 
     def _take(self, q: Vector) -> None:
         self._q[:] = q
-        if self.coupling is not None:
+        if self._q_model is self._q:
+            return
+        if self.coupling is not None and not self.space.blocks:
             np.dot(self.coupling.S, self._q, out=self._q_model)
             self._q_model += self.coupling.offset
+            return
+        x = self.positions
+        if self.coupling is not None:
+            x = self.coupling.S @ x + self.coupling.offset
+        self._q_model[self._places.scalar_q] = x[self._places.scalar_v]
+        for block, place in zip(self.space.blocks, self._places.poses, strict=True):
+            self._q_model[place] = block.motion.model(self._q[block.q])
+
+
+class _Places(NamedTuple):
+    """Where joints are in a configuration of Pinocchio."""
+
+    scalar_q: NDArray[np.int64]
+    """Coordinates of joints that have one."""
+    scalar_v: NDArray[np.int64]
+    """Their velocities."""
+    poses: list[slice]
+    """Coordinates of planar and floating joints, in the order of the space."""
+
+
+def _places(model: pin.Model, space: Space) -> _Places:
+    scalars = [(joint.idx_q, joint.idx_v) for joint in model.joints[1:] if joint.nq == 1]
+    found = np.array(scalars, dtype=np.int64).reshape(-1, 2)
+    poses = []
+    for block in space.blocks:
+        joint = model.joints[model.getJointId(block.joint)]
+        poses.append(slice(joint.idx_q, joint.idx_q + joint.nq))
+    return _Places(found[:, 0], found[:, 1], poses)
 
 
 def _poses(data: pin.Data) -> NDArray[np.float64]:
@@ -388,7 +520,7 @@ class Frame:
             hessian = np.zeros((6, jacobian.shape[1], jacobian.shape[1]))
             if self._own_chain is None:
                 self._own_chain = self.chain()
-            chain_hessian(jacobian, self._own_chain, hessian)
+            chain_hessian(jacobian, self._own_chain, self.joint_of, hessian)
             if self._coupling is not None:
                 S = self._coupling.S
                 hessian = np.einsum('rij,ik,jl->rkl', hessian, S, S)
@@ -402,7 +534,14 @@ class Frame:
         frames = self._model.frames
         start = 0 if reference is None else frames[reference.index].parentJoint
         path = joint_path(self._model, frames[self.index].parentJoint, start)
-        return np.array([self._model.joints[joint].idx_v for joint, _ in reversed(path)], int)
+        joints = [self._model.joints[joint] for joint, _ in reversed(path)]
+        return np.array([joint.idx_v + i for joint in joints for i in range(joint.nv)], int)
+
+    @cached_property
+    def joint_of(self) -> NDArray[np.int64]:
+        """Joint (m,) that each velocity of the model belongs to."""
+        counts = [joint.nv for joint in self._model.joints[1:]]
+        return np.repeat(np.arange(len(counts), dtype=np.int64), counts)
 
     def model_jacobian(self) -> Matrix:
         """Jacobian (6, m) to the twist in the base frame, by the joints of the model."""

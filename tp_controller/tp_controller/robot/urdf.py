@@ -20,7 +20,9 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.robot.limits import Limits
-from tp_controller.robot.model import Coupling, Robot
+from tp_controller.robot.model import Coupling, Robot, coupled
+from tp_controller.robot.motions import BASE, FIXED, FLOATING, PLANAR, SCALAR, WORLD, check_base
+from tp_controller.robot.space import Space
 
 Vector = NDArray[np.float64]
 
@@ -30,7 +32,8 @@ LONGEST_PATH = 400
 PACKAGE = 'package://'
 LONGEST_URDF = 10_000_000
 """Length of a description [characters] that is read."""
-MOVABLE = ('revolute', 'continuous', 'prismatic')
+SCALARS = ('revolute', 'continuous', 'prismatic')
+MOVABLE = (*SCALARS, PLANAR, FLOATING)
 TYPES = (*MOVABLE, 'fixed')
 KINEMATIC = ('parent', 'child', 'origin', 'axis', 'limit')
 UNLIMITED = 1e9
@@ -111,6 +114,7 @@ def urdf_robot(
     base_frame: str | None = None,
     limits: Mapping[str, Sequence[float] | None] | None = None,
     rest_positions: Mapping[str, float] | None = None,
+    base: str = FIXED,
 ) -> Robot:
     """Build the kinematic model of a URDF; its links are the frames. Meshes are not read.
 
@@ -123,47 +127,87 @@ def urdf_robot(
         other when left out. Continuous joints count whole turns as nothing.
     base_frame
         Link that everything is expressed in, rigidly connected to the root; the root when
+        left out. With a base that moves, the name of the frame that it moves in; ``odom`` when
         left out.
     limits
-        Limits in place of the description's, see `Limits`.
+        Limits in place of the description's, see `Limits`; those of the base first.
     rest_positions
-        Positions [rad, m] of joints that are not controlled; zero when left out.
+        Positions [rad, m] of joints that are not controlled; zero when left out. Planar and
+        floating ones rest at their origin.
+    base
+        What the root stands on, one of `BASES`: by a joint ``base``, whose velocities come first.
 
     Raises
     ------
     InvalidValue
         If the description is not one, or has not the joints or links asked for.
     """
-    root, found = _read(text)
+    check_base(base)
+    root, found = _read(text, base, base_frame)
     leaders = [name for name, j in found.items() if j.type in MOVABLE and j.mimic is None]
     if not leaders:
         raise InvalidValue(KEY, 'a robot without a movable joint', 'one or more movable joints')
-    joints = leaders if joints is None else list(joints)
+    front = [] if base == FIXED else [BASE]
+    own_joints = [name for name in leaders if name not in front]
+    joints = own_joints if joints is None else list(joints)
     for name in joints:
-        if name not in leaders:
+        if name not in own_joints:
             what = 'which mimics another' if name in found and found[name].mimic else ''
             raise InvalidValue(
-                'robot.joints', f'{shown(name)} {what}'.strip(), f'some of {listed(leaders)}'
+                'robot.joints', f'{shown(name)} {what}'.strip(), f'some of {listed(own_joints)}'
             )
+    joints = [*front, *joints]
     rest = dict(rest_positions or {})
     for name in rest:
-        if name not in leaders or name in joints:
-            free = [leader for leader in leaders if leader not in joints]
+        if name not in leaders or name in joints or found[name].type not in SCALARS:
+            free = [
+                leader
+                for leader in leaders
+                if leader not in joints and found[leader].type in SCALARS
+            ]
             raise InvalidValue('robot.rest_positions', shown(name), f'some of {listed(free)}')
     try:
         model = pin.buildModelFromXML(ElementTree.tostring(root, encoding='unicode'))
     except ValueError:
         raise InvalidValue(KEY, 'a text that Pinocchio cannot read', 'a URDF') from None
-    model, coupling = _coupled(model, found, joints, rest)
+    space = Space(
+        joints,
+        [base if name == BASE and front else _kind(found[name]) for name in joints],
+        [found[name].type == 'continuous' for name in joints],
+    )
+    model, coupling = _coupled(model, found, space, rest)
     base_frame = base_frame if base_frame is not None else _root_link(found, root)
     _move_base(model, base_frame)
-    wrapping = [found[name].type == 'continuous' for name in joints]
-    own = _limits(found, joints, limits or {})
-    lines = [(joint.parent, joint.child) for joint in found.values()]
-    return Robot(model, joints, base_frame, own, coupling, lines, wrapping)
+    own = _limits(found, space, limits or {})
+    lines = [
+        (joint.parent, joint.child)
+        for joint in found.values()
+        if joint.type not in (PLANAR, FLOATING)
+    ]
+    return Robot(model, space, base_frame, own, coupling, lines)
 
 
-def _read(text: str) -> tuple[ElementTree.Element, dict[str, _Joint]]:
+def _kind(joint: _Joint) -> str:
+    return SCALAR if joint.type in SCALARS else joint.type
+
+
+def _put_on_base(root: ElementTree.Element, base: str, frame: str) -> None:
+    """Let the root link of a description move in a frame, by a joint in front of it."""
+    children = {child.get('link') for child in root.iterfind('joint/child')}
+    link = next(
+        (link.get('name') for link in root.findall('link') if link.get('name') not in children),
+        None,
+    )
+    ElementTree.SubElement(root, 'link', name=frame)
+    kind = FLOATING if base == FLOATING else PLANAR
+    joint = ElementTree.SubElement(root, 'joint', name=BASE, type=kind)
+    ElementTree.SubElement(joint, 'parent', link=frame)
+    ElementTree.SubElement(joint, 'child', link=str(link))
+
+
+def _read(
+    text: str, base: str, base_frame: str | None
+) -> tuple[ElementTree.Element, dict[str, _Joint]]:
     """Kinematic part of a description: the elements for Pinocchio, and the joints by name."""
     if len(text) > LONGEST_URDF:
         accepts = f'a URDF of up to {LONGEST_URDF} characters'
@@ -176,6 +220,8 @@ def _read(text: str) -> tuple[ElementTree.Element, dict[str, _Joint]]:
         raise InvalidValue(KEY, f'a document <{root.tag}>', 'a URDF, <robot>')
     if not root.get('name'):
         root.set('name', 'robot')
+    if base != FIXED:
+        _put_on_base(root, base, WORLD if base_frame is None else base_frame)
     links = [link.get('name') for link in root.findall('link')]
     joints: dict[str, _Joint] = {}
     for element in root.findall('joint'):
@@ -200,6 +246,10 @@ def _read(text: str) -> tuple[ElementTree.Element, dict[str, _Joint]]:
             element.set('type', 'revolute')
             for limit in element.findall('limit'):
                 element.remove(limit)
+        if element.get('type') in (PLANAR, FLOATING):
+            for part in element.findall('limit') + element.findall('axis'):
+                element.remove(part)
+            continue
         if element.get('type') != 'fixed' and element.find('limit') is None:
             ElementTree.SubElement(element, 'limit', lower='-1e9', upper='1e9')
         for limit in element.findall('limit'):
@@ -230,21 +280,30 @@ def _joint(name: str, element: ElementTree.Element, links: Sequence[str | None])
             numbers(f'joint {shown(name)} origin', str(origin.get(attribute)), 3)
     axis = element.find('axis')
     direction = '1 0 0' if axis is None else axis.get('xyz', '')
-    if kind != 'fixed' and not any(numbers(f'joint {shown(name)} axis', direction, 3)):
+    if kind in SCALARS and not any(numbers(f'joint {shown(name)} axis', direction, 3)):
         raise InvalidValue(KEY, f'joint {shown(name)} axis {shown(direction)}', 'a direction')
+    if kind == PLANAR and axis is not None:
+        # Tools take the plane for x and y, whatever the axis.
+        x, y, z = numbers(f'joint {shown(name)} axis', direction, 3)
+        if x or y or not z > 0.0:
+            got = f'planar joint {shown(name)} axis {shown(direction)}'
+            raise InvalidValue(KEY, got, '0 0 1, or no axis')
     limit = element.find('limit')
     limits = {
         key: numbers(f'joint {shown(name)} limit', value, 1)[0]
         for key, value in (limit.attrib if limit is not None else {}).items()
         if key in ('lower', 'upper', 'velocity')
     }
-    if kind == 'continuous' or limits.get('lower', 0.0) == limits.get('upper', 0.0) == 0.0:
+    if (
+        kind in ('continuous', PLANAR, FLOATING)
+        or limits.get('lower', 0.0) == limits.get('upper', 0.0) == 0.0
+    ):
         limits.pop('lower', None)
         limits.pop('upper', None)
     if limits.get('velocity', 0.0) <= 0.0:
         limits.pop('velocity', None)
     limits = {key: value for key, value in limits.items() if abs(value) < UNLIMITED}
-    mimic = element.find('mimic')
+    mimic = element.find('mimic') if kind in SCALARS else None
     follows = None
     if mimic is not None:
         multiplier, offset = (
@@ -281,7 +340,7 @@ def _check_tree(joints: Mapping[str, _Joint], links: Sequence[str | None]) -> No
         parents[joint.child] = joint.parent
         if joint.mimic is not None:
             leader = joints.get(joint.mimic[0])
-            if leader is None or leader.type not in MOVABLE or leader.mimic is not None:
+            if leader is None or leader.type not in SCALARS or leader.mimic is not None:
                 raise InvalidValue(
                     KEY,
                     f'joint {shown(name)} mimicking {shown(joint.mimic[0])}',
@@ -306,34 +365,26 @@ def _root_link(joints: Mapping[str, _Joint], root: ElementTree.Element) -> str:
 
 
 def _coupled(
-    model: pin.Model,
-    found: Mapping[str, _Joint],
-    joints: Sequence[str],
-    rest: Mapping[str, float],
+    model: pin.Model, found: Mapping[str, _Joint], space: Space, rest: Mapping[str, float]
 ) -> tuple[pin.Model, Coupling | None]:
     """Model with the other joints locked, and how its joints follow the controlled ones."""
     locked = []
     reference = pin.neutral(model)
+    followers = {}
     for name, joint in found.items():
         if joint.type not in MOVABLE:
             continue
         leader, multiplier, offset = joint.mimic or (name, 1.0, 0.0)
-        if leader not in joints:
-            index = model.getJointId(name)
-            locked.append(index)
+        if leader in space.joints:
+            followers[name] = (leader, multiplier, offset)
+            continue
+        index = model.getJointId(name)
+        locked.append(index)
+        if joint.type in SCALARS:
             reference[model.joints[index].idx_q] = multiplier * rest.get(leader, 0.0) + offset
     if locked:
         model = pin.buildReducedModel(model, locked, reference)
-    names = list(model.names)[1:]
-    if names == list(joints):
-        return model, None
-    S, offsets = np.zeros((len(names), len(joints))), np.zeros(len(names))
-    for name in names:
-        leader, multiplier, offset = found[name].mimic or (name, 1.0, 0.0)
-        row = model.joints[model.getJointId(name)].idx_q
-        S[row, joints.index(leader)] = multiplier
-        offsets[row] = offset
-    return model, Coupling(S, offsets)
+    return model, coupled(model, space, followers)
 
 
 def _move_base(model: pin.Model, base_frame: str) -> None:
@@ -353,13 +404,12 @@ def _move_base(model: pin.Model, base_frame: str) -> None:
 
 
 def _limits(
-    found: Mapping[str, _Joint],
-    names: Sequence[str],
-    instead: Mapping[str, Sequence[float] | None],
+    found: Mapping[str, _Joint], space: Space, instead: Mapping[str, Sequence[float] | None]
 ) -> Limits:
     """Limits of the description, those of mimic joints included, replaced by what is given."""
+    names = space.joints
     joints = [found[name] for name in names]
-    limits = Limits(len(joints))
+    limits = Limits(space.nv, ranged=space.ranged)
     speed = _column(joints, 'velocity', math.inf)
     low, high = _column(joints, 'lower', -math.inf), _column(joints, 'upper', math.inf)
     for follower in found.values():
@@ -375,6 +425,7 @@ def _limits(
         # A follower whose range does not overlap with the leader's has a mistaken one.
         if max(low[i], ends[0]) < min(high[i], ends[1]):
             low[i], high[i] = max(low[i], ends[0]), min(high[i], ends[1])
+    speed, low, high = (space.spread(column) for column in (speed, low, high))
     for column in (speed, low, high):
         column.flags.writeable = False
     limits.velocity, limits.position_min, limits.position_max = speed, low, high

@@ -95,8 +95,8 @@ class Cycle:
         self._before = before
         self._found_rate = found_rate
         self._rate_estimate = RateEstimate() if found_rate else None
-        self._reader = JointStateReader(stack.robot.joints)
-        self._q, self._velocities = np.zeros((2, stack.robot.n))
+        self._reader = JointStateReader(stack.robot.coordinates)
+        self._q, self._rates = np.zeros((2, stack.robot.nq))
         self._qd: np.ndarray | None = None
         self._use_rate(rate)
         self.look_period = min(0.25 * limit, HEARTBEAT)
@@ -187,8 +187,8 @@ class Cycle:
     def _measure(self, arrival: Arrival) -> None:
         """Read what the arm does at present; all that is measured enters here."""
         self._reader.read(arrival.msg, self._q)
-        found = self._reader.read_velocity(arrival.msg, self._velocities)
-        self._qd = self._velocities if found else None
+        found = self._reader.read_velocity(arrival.msg, self._rates)
+        self._qd = self._stack.robot.space.velocity(self._q, self._rates) if found else None
 
     def _answer(self, arrival: Arrival) -> bool:
         """Send the command that answers a state, or a newer one if that took too long."""
@@ -316,7 +316,8 @@ class Cycle:
 
     def _note_oscillation(self, elapsed: float) -> None:
         """Tell of joints that reverse again and again, and that they do no longer."""
-        if self._oscillation.see(self._q, self._commands.velocity, elapsed):
+        positions = self._stack.robot.space.positions(self._q)
+        if self._oscillation.see(positions, self._commands.velocity, elapsed):
             now = time.monotonic()
             if now - self._oscillation_told >= OSCILLATION_PERIOD:
                 self._oscillation_told = now

@@ -83,6 +83,8 @@ def main() -> int:
     try:
         values = read_parameters(read_parameter_file(arguments.config, 'tp_controller'))
         robot = build_robot(values)
+        if robot.space.blocks:
+            raise InvalidValue('robot', 'a base that moves', 'an arm on a fixed base')
         if not 0.0 < arguments.amplitude < math.inf:
             raise InvalidValue('amplitude', f'{arguments.amplitude:g}', 'a number above 0')
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

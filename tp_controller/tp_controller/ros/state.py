@@ -54,7 +54,8 @@ class StateMessage:
         self.msg.header.frame_id = robot.base_frame
         self.msg.scale = 1.0
         self.msg.joint_names = list(robot.joints)
-        self._position = field_view(self.msg, 'position', robot.n, math.nan)
+        self.msg.position_names = list(robot.coordinates)
+        self._position = field_view(self.msg, 'position', robot.nq, math.nan)
         self._command = field_view(self.msg, 'command', robot.n)
         self._tasks: dict[str, _TaskMessage] = {}
         self._explained = -EXPLANATION_PERIOD

@@ -101,16 +101,16 @@ class ExtendedJacobianSolver(Solver):
         """Fill the slope ∂(∇H - Jᵀ μ)/∂q (n, n) at the present configuration."""
         assert self.objective is not None
         assert self._jacobian_at is not None
-        q = self.objective.robot.q.copy()
-        away = q.copy()
-        gradient = np.zeros(self.n)
+        robot = self.objective.robot
+        q = robot.q.copy()
+        gradient, step = np.zeros((2, self.n))
         for i in range(self.n):
             self._slope[:, i] = 0.0
             for sign in (1.0, -1.0):
-                away[i] = q[i] + sign * STEP
-                J = self._jacobian_at(away)
+                step[i] = sign * STEP
+                J = self._jacobian_at(robot.integrate(q, step))
                 self.objective.gradient(gradient)
                 self._slope[:, i] += sign * (gradient - mu @ J)
-            away[i] = q[i]
+            step[i] = 0.0
         self._slope /= 2.0 * STEP
         self._jacobian_at(q)

@@ -159,7 +159,7 @@ class FrameTask(Task):
             moved[:3] += np.cross(way, own[3:], axisb=0).T
             twist = np.concatenate([R.T @ moved[:3], R.T @ moved[3:]])
             hessian = np.zeros((6, twist.shape[1], twist.shape[1]))
-            chain_hessian(twist, self._chain, hessian)
+            chain_hessian(twist, self._chain, self.frame.joint_of, hessian)
             if self.robot.coupling is not None:
                 S = self.robot.coupling.S
                 hessian = np.einsum('rij,ik,jl->rkl', hessian, S, S)

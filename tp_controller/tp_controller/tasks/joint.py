@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.parameters import REQUIRED, TEXTS, Parameter
 from tp_controller.robot import Robot
+from tp_controller.robot.motions import DIFFERENTIAL, FREE
+from tp_controller.rotations import wrap
 from tp_controller.tasks.base import Task
 from tp_controller.tasks.parts import JOINTS, Part
 
@@ -28,6 +30,10 @@ class JointTask(Task):
     ``error = q_des - q`` of the named joints, wrapped for continuous ones alone: another
     joint turned once round is not where it was. ``J`` has the matching unit rows.
 
+    Of a base, or another joint with a pose, the coordinates ``<joint>/x`` and so on can be named,
+    except quaternions, and x and y of a differential drive, which has no velocity across. The rows
+    of a position are those of the rotation of the base.
+
     Parameters
     ----------
     name
@@ -38,6 +44,11 @@ class JointTask(Task):
         Names of the controlled joints.
     settings
         Gain, target and the like, see `Common`.
+
+    Raises
+    ------
+    InvalidValue
+        If there is no such joint, or it cannot be brought to a position on its own.
     """
 
     type = 'joint'
@@ -50,13 +61,18 @@ class JointTask(Task):
         self, name: str, robot: Robot, joints: Sequence[str], **settings: Unpack[Common]
     ) -> None:
         indices = robot.joint_indices(joints)
+        steerable = [name for i, name in enumerate(robot.coordinates) if _steerable(robot, i)]
         if not indices:
-            raise InvalidValue('joints', 'no joint', f'some of {listed(robot.joints)}')
+            raise InvalidValue('joints', 'no joint', f'some of {listed(steerable)}')
+        for index in indices:
+            _check_steerable(robot, index, steerable)
         super().__init__(name, robot, joints)
         self._indices = np.array(indices)
         self._q = robot.q
         self._wrapping = [row for row, i in enumerate(indices) if robot.wrapping[i]]
-        self.J[np.arange(self.k), self._indices] = 1.0
+        self._turns = robot.space.bent(indices)
+        """Whether a row of `J` changes with the configuration."""
+        self.J[:] = robot.space.rates(robot.q)[self._indices]
         self.set(settings)
 
     @classmethod
@@ -105,9 +121,53 @@ class JointTask(Task):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """The joints; `J` is constant."""
+        """The joints, while `J` is constant."""
+        if self._turns:
+            return ()
         return (Part(JOINTS, self._indices.tolist(), wraps=self._wrapping),)
 
     def part_values(self) -> tuple[Vector, ...]:
         """The target (k,)."""
         return (self._target,)
+
+    def update(self) -> None:
+        """Compute `error` and `J` at the robot's present configuration."""
+        if not self._turns:
+            super().update()
+            return
+        np.subtract(self._target, self._q[self._indices], out=self.error)
+        for row in self._wrapping:
+            self.error[row] = wrap(self.error[row])
+        self.J[:] = self.robot.space.rates(self._q)[self._indices]
+
+    @property
+    def bend(self) -> Vector:
+        """Bounds (k,) on the second derivatives of the variables by unit joint motions."""
+        return np.full(self.k, 1.0 if self._turns else 0.0)
+
+    def hessian(self, out: NDArray[np.float64]) -> None:
+        """Write the second derivatives (k, n, n) of the variables to ``out``."""
+        out[:] = self.robot.space.bends(self._q)[self._indices] if self._turns else 0.0
+
+
+def _steerable(robot: Robot, index: int) -> bool:
+    """Whether a coordinate can be brought to a value on its own."""
+    block = robot.space.block_of(index)
+    if block is None:
+        return True
+    place = index - block.q.start
+    if block.kind == DIFFERENTIAL:
+        return place >= block.positions
+    return block.size != FREE or place < block.positions
+
+
+def _check_steerable(robot: Robot, index: int, steerable: Sequence[str]) -> None:
+    if _steerable(robot, index):
+        return
+    block, name = robot.space.block_of(index), robot.coordinates[index]
+    if block is not None and block.kind == DIFFERENTIAL:
+        got = f'{shown(name)} of a differential drive, which cannot move across'
+        other = 'a position task of a frame in front of the axle'
+    else:
+        got, other = f'{shown(name)}, a part of a rotation', 'an orientation task'
+    raise InvalidValue('joints', got, f'some of {listed(steerable)}, or {other}')

@@ -32,7 +32,7 @@ class JointLimitsTask(SetBasedTask):
     robot
         The robot that carries the task out.
     joints
-        Names of the joints; all of them when left out.
+        Names of the joints, or of coordinates of a base; all joints when left out.
     lower, upper
         The range [rad, m], one value or one per joint; the robot's limits when left out. An
         end may be infinite.
@@ -63,7 +63,6 @@ class JointLimitsTask(SetBasedTask):
     }
     without = ('target',)
     target_words = ''
-    bends = False
 
     def __init__(
         self,
@@ -76,15 +75,17 @@ class JointLimitsTask(SetBasedTask):
         switching: Switching = Switching(),  # noqa: B008 - a value
         **settings: Unpack[Common],
     ) -> None:
-        names = robot.joints if joints is None else tuple(joints)
-        indices = np.array(robot.joint_indices(names))
+        names = robot.space.scalars if joints is None else tuple(joints)
+        indices = np.array(robot.joint_indices(names), dtype=np.int64)
         if not names:
-            raise InvalidValue('joints', 'no joint', f'some of {listed(robot.joints)}')
-        self._indices, self._given = indices, (lower, upper)
+            raise InvalidValue('joints', 'no joint', f'some of {listed(robot.coordinates)}')
+        self._indices, self._given, self.robot = indices, (lower, upper), robot
         self._lower, self._upper = self._range(robot.limits)
-        reach = np.eye(robot.n)[indices]
+        self.bends = robot.space.bent(indices.tolist())
+        reach = robot.space.rate_bounds()[indices]
         super().__init__(name, robot, names, reach, period, switching)
         self._marked = np.zeros(len(names))
+        self._columns = robot.space.rates(robot.q)[indices].argmax(axis=1)
         self.set(settings)
 
     @classmethod
@@ -115,8 +116,12 @@ class JointLimitsTask(SetBasedTask):
     def _range(self, limits: Limits) -> tuple[Vector, Vector]:
         """Lower and upper ends (k,); those that are not given are the robot's."""
         given_lower, given_upper = self._given
-        lower = _ends('min', given_lower, limits.position_min[self._indices])
-        upper = _ends('max', given_upper, limits.position_max[self._indices])
+        ends = np.full((2, self.robot.nq), [[-math.inf], [math.inf]])
+        own = self.robot.space.own
+        ends[0, own[own >= 0]] = limits.position_min[own >= 0]
+        ends[1, own[own >= 0]] = limits.position_max[own >= 0]
+        lower = _ends('min', given_lower, ends[0, self._indices])
+        upper = _ends('max', given_upper, ends[1, self._indices])
         if not np.all(lower < upper):
             raise InvalidValue(
                 'min', f'{shown(lower)} with max {shown(upper)}', 'values below max'
@@ -142,7 +147,12 @@ class JointLimitsTask(SetBasedTask):
         q = self.robot.q[self._indices]
         below = q - self._lower < self._upper - q
         self.distance[:] = np.where(below, q - self._lower, self._upper - q)
-        self._slope[np.arange(self.k), self._indices] = np.where(below, 1.0, -1.0)
+        sign = np.where(below, 1.0, -1.0)
+        if self.bends:
+            rates = self.robot.space.rates(self.robot.q)[self._indices]
+            np.multiply(sign[:, None], rates, out=self._slope)
+        else:
+            self._slope[np.arange(self.k), self._columns] = sign
 
     def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distances (k,) at the robot's present configuration to ``out``."""
@@ -154,9 +164,11 @@ class JointLimitsTask(SetBasedTask):
         self.probe(self._marked)
 
     def between(self, bend: Vector, out: Vector) -> None:
-        """Write the lesser of the distances at the ends to ``out``: there is none below."""
+        """Write the lesser of the distances at the ends to ``out``: of a joint none is below."""
         self.probe(out)
         np.minimum(out, self._marked, out=out)
+        if self.bends:
+            out -= bend
 
 
 def _ends(key: str, values: Sequence[float] | None, otherwise: Vector) -> Vector:

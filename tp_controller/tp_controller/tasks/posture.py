@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 class PostureTask(JointTask):
     """Brings all joints to a posture: a `JointTask` of every joint, in the robot's order.
 
-    On the lowest level it takes up whatever freedom is left.
+    On the lowest level it takes up whatever freedom is left. A base, or another joint with a pose,
+    has no part in it.
 
     Parameters
     ----------
@@ -34,7 +35,7 @@ class PostureTask(JointTask):
     parameters: ClassVar[Mapping[str, Parameter]] = {}
 
     def __init__(self, name: str, robot: Robot, **settings: Unpack[Common]) -> None:
-        super().__init__(name, robot, robot.joints, **settings)
+        super().__init__(name, robot, robot.space.scalars, **settings)
 
     @classmethod
     def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> PostureTask:

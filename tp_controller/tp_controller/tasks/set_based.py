@@ -6,7 +6,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,7 +151,7 @@ class SetBasedTask(Task):
     """
 
     set_based = True
-    bends: ClassVar[bool] = True
+    bends: bool = True
     """Whether the distance is a curved function of the joints."""
 
     def __init__(
