@@ -134,7 +134,7 @@ build_packages() {
   # The kernel takes longest; the three run side by side.
   compile_ahead tp_controller.solvers.hqp_kernel &
   local kernel=$!
-  compile_ahead 'tp_controller.solvers.lexicographic, tp_controller.following, tp_controller.identification, tp_controller.reversals, tp_controller.robot.bounds, tp_controller.robot.curvature, tp_controller.tasks.damper, tp_controller.tasks.rows, tp_sim.servo' &
+  compile_ahead 'tp_controller.solvers.lexicographic, tp_controller.following, tp_controller.identification, tp_controller.reversals, tp_controller.robot.bounds, tp_controller.robot.curvature, tp_controller.tasks.damper, tp_controller.tasks.second_derivatives, tp_sim.servo' &
   local rest=$!
   logged colcon build --symlink-install
   wait $kernel || exit

@@ -175,6 +175,11 @@ class Stack:
             if not task.parts:
                 self._own.append((task, self._velocity[rows], self._feedforward[rows]))
         self._compiled: CompiledRows | None = None
+        self._bent = [
+            (task, self._rows[task.name])
+            for task in self._ranked
+            if not (task.parts or task.set_based)
+        ]
         self._bounding = [task for task in self._ranked if isinstance(task, SetBasedTask)]
         bends = [np.zeros(task.k) if task.set_based else task.bend for task in self._ranked]
         self._curvature = Curvature(
@@ -275,9 +280,11 @@ class Stack:
         return self._J
 
     def _fill_hessians(self) -> None:
-        for task in self._ranked:
-            if not task.set_based:
-                task.hessian(self._curvature.hessians[self._rows[task.name]])
+        hessians = self._curvature.hessians
+        if self._compiled is not None:
+            self._compiled.fill_hessians(hessians)
+        for task, rows in self._bent:
+            task.hessian(hessians[rows])
 
     def check_hierarchy(
         self,

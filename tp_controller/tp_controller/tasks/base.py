@@ -250,14 +250,17 @@ class Task(ABC):
 
     def update(self) -> None:
         """Compute `error` and `J` at the robot's present configuration."""
+        if not self.parts:
+            raise NotImplementedError(f'{type(self).__name__}: either parts or update')
+        self._own_rows().fill()
+
+    def _own_rows(self) -> CompiledRows:
         if self._rows is None:
-            if not self.parts:
-                raise NotImplementedError(f'{type(self).__name__}: either parts or update')
             from tp_controller.tasks.compiled import CompiledRows
 
             unused = np.zeros((2, self.k))
             self._rows = CompiledRows(self.robot, [(self, 0)], self.J, self.error, *unused)
-        self._rows.fill()
+        return self._rows
 
     @property
     def bend(self) -> Vector:
@@ -267,9 +270,12 @@ class Task(ABC):
     def hessian(self, out: NDArray[np.float64]) -> None:
         """Write the second derivatives (k, n, n) of the variables, symmetric, to ``out``.
 
-        They are those of ``-error`` at the last update; zero unless overridden.
+        They are those of ``-error`` at the last update; without parts zero unless overridden.
+        Axes that turn with the robot are taken as they are then.
         """
         out[:] = 0.0
+        if self.parts:
+            self._own_rows().fill_hessians(out)
 
     def leave(self) -> None:
         """Forget what belongs to a place in the hierarchy; nothing, unless rows come and go."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tp_controller.robot import Frame, Robot
 from tp_controller.tasks import base
-from tp_controller.tasks.parts import BASE, COLUMNS, REFERENCES
+from tp_controller.tasks.parts import BASE, COLUMNS, REFERENCES, Part
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -38,9 +38,10 @@ class CompiledRows:
         feedforward: Vector,
         velocity: Vector,
     ) -> None:
-        from tp_controller.tasks import rows
+        from tp_controller.tasks import rows, second_derivatives
 
         self._fill: Any = rows.fill
+        self._fill_hessians: Any = second_derivatives.fill
         self._tasks = [(task, first) for task, first in tasks if task.parts]
         parts = [(part, task, first) for task, first in self._tasks for part in task.parts]
         width = max([9, robot.n, *(len(part.places) for part, _, _ in parts)])
@@ -89,11 +90,12 @@ class CompiledRows:
         for index, place in frames.items():
             self._moves[place, by_index[index].chain()] = True
         S = np.zeros((0, 0)) if robot.coupling is None else robot.coupling.S
+        S = np.ascontiguousarray(S, dtype=float)
         self._arguments = (
             robot.q,
             robot.twists,
             robot.poses,
-            np.ascontiguousarray(S, dtype=float),
+            S,
             self._frames,
             self._moves,
             np.zeros((len(frames), 6, n)),
@@ -109,6 +111,28 @@ class CompiledRows:
             feedforward,
             velocity,
         )
+        chains = [_chain(part) for part, _, _ in parts]
+        counts = np.array([len(chain) for chain in chains], dtype=np.int64)
+        ordered = np.zeros((len(parts), m), dtype=np.int64)
+        for row, chain in zip(ordered, chains, strict=True):
+            row[: len(chain)] = chain
+        self._bent_arguments = (
+            robot.twists,
+            robot.poses,
+            S,
+            robot.frame(robot.frames[0]).joint_of,
+            self._frames,
+            self._moves,
+            self._plan,
+            self._places,
+            ordered,
+            counts,
+            np.zeros((2, 6, max(m, n))),
+            np.zeros((7, m, m)),
+            np.zeros((4, 3, 3)),
+            J,
+            errors,
+        )
 
     def fill(self) -> None:
         """Fill the rows of all tasks at the robot's present configuration."""
@@ -116,6 +140,13 @@ class CompiledRows:
             if self._revisions[i] != task.revision:
                 self._load(i, task, first)
         self._fill(*self._arguments)
+
+    def fill_hessians(self, out: NDArray[np.float64]) -> None:
+        """Fill the second derivatives (K, n, n) of all tasks, after `fill`, see `hessian`.
+
+        Rows of other tasks and of joints stay as they are.
+        """
+        self._fill_hessians(*self._bent_arguments, out)
 
     def _load(self, i: int, task: base.Task, first: int) -> None:
         """Take over a task's target, gain and feedforward."""
@@ -125,3 +156,10 @@ class CompiledRows:
         self._feedforward[first : first + task.k] = feedforward
         for part, values in enumerate(task.part_values(), self._first_part[i]):
             self._values[part, : values.size] = values
+
+
+def _chain(part: Part) -> NDArray[np.int64]:
+    """Velocities (p,) of the model that move a part's frame as seen from its reference."""
+    if part.frame is None:
+        return np.zeros(0, dtype=np.int64)
+    return part.frame.chain(part.reference)

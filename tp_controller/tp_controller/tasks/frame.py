@@ -141,47 +141,6 @@ class FrameTask(Task):
         linear = float(np.linalg.norm(np.minimum.outer(reach, reach)))
         return np.where(self.rows < 3, linear, float(2 * self.robot.n))
 
-    @cached_property
-    def _chain(self) -> NDArray[np.int64]:
-        return self.frame.chain(None if self._from_base else self.reference)
-
-    def _twist_hessian(self) -> NDArray[np.float64]:
-        """Derivative (6, n, n) of the frame's Jacobian as seen from the reference, symmetric."""
-        if self._from_base:
-            hessian = self.frame.hessian
-        else:
-            from tp_controller.robot.curvature import chain_hessian
-
-            R = self.reference.rotation
-            seen, own = self.frame.model_jacobian(), self.reference.model_jacobian()
-            way = self.frame.position - self.reference.position
-            moved = seen - own
-            moved[:3] += np.cross(way, own[3:], axisb=0).T
-            twist = np.concatenate([R.T @ moved[:3], R.T @ moved[3:]])
-            hessian = np.zeros((6, twist.shape[1], twist.shape[1]))
-            chain_hessian(twist, self._chain, self.frame.joint_of, hessian)
-            if self.robot.coupling is not None:
-                S = self.robot.coupling.S
-                hessian = np.einsum('rij,ik,jl->rkl', hessian, S, S)
-        return 0.5 * (hessian + hessian.swapaxes(1, 2))
-
-    def hessian(self, out: NDArray[np.float64]) -> None:
-        """Write the second derivatives (k, n, n) of the variables to ``out``.
-
-        Axes that turn with the robot are taken as they are now.
-        """
-        hessian = self._twist_hessian()
-        if self._own_axes:
-            A = self._axes_rotation()
-            hessian = np.concatenate(
-                [np.tensordot(A.T, part, 1) for part in (hessian[:3], hessian[3:])]
-            )
-        np.take(hessian, self.rows, axis=0, out=out)
-
-    def _axes_rotation(self) -> Matrix:
-        """Rotation (3, 3) of the axes as seen from the reference."""
-        return self.reference.rotation.T @ self.axes.rotation
-
 
 def _seen_from(robot: Robot, key: str, name: str | None, otherwise: Frame) -> Frame:
     if name is None:

@@ -115,7 +115,7 @@ class GazeTask(FrameTask):
         R = self.frame.rotation
         way = R.T @ (self._target - self.frame.position)
         distance = max(math.sqrt(way @ way), NEAR)
-        hessian = self._twist_hessian()
+        hessian = 0.5 * (self.frame.hessian + self.frame.hessian.swapaxes(1, 2))
         linear, angular = (np.tensordot(R.T, part, 1) for part in (hessian[:3], hessian[3:]))
         bent = np.cross(way / distance, linear, axisb=0, axisc=0) / distance
         np.take(angular + bent, self._others, axis=0, out=out)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -28,9 +27,6 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-
-SMALL = 1e-3
-"""Angle [rad] up to which the logarithm counts as linear."""
 
 QUATERNION = ('qx', 'qy', 'qz', 'qw')
 
@@ -175,21 +171,6 @@ class OrientationTask(FrameTask):
     def part_values(self) -> tuple[Vector, ...]:
         """Angle (1,), or rotation (9,) row by row."""
         return (self._target if self._is_heading else self._R_des.ravel(),)
-
-    def hessian(self, out: NDArray[np.float64]) -> None:
-        """Write the second derivatives (k, n, n) of the variables to ``out``.
-
-        Of ``log(R_des Rᵀ)``, e long, the half square bends less across e than ``JᵀJ`` says: by
-        the factor ``e/2 cot(e/2)``.
-        """
-        super().hessian(out)
-        angle = float(np.sqrt(self.error @ self.error))
-        if self.k < 3 or angle < SMALL:
-            return
-        across = self.J - np.outer(self.error, self.error @ self.J) / angle**2
-        less = 1.0 - 0.5 * angle / math.tan(0.5 * angle)
-        bent = less / angle**2 * (across.T @ across)
-        out += self.error[:, None, None] * bent
 
 
 def _same_body(robot: Robot, one: Frame, other: Frame) -> bool:

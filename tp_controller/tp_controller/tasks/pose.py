@@ -164,8 +164,3 @@ class PoseTask(FrameTask):
     def bend(self) -> Vector:
         """Bounds (k,) of the position's rows, then the orientation's."""
         return np.concatenate([self._place.bend, self._turn.bend])
-
-    def hessian(self, out: NDArray[np.float64]) -> None:
-        """Write the second derivatives (k, n, n) of both parts to ``out``."""
-        self._place.hessian(out[: self._place.k])
-        self._turn.hessian(out[self._place.k :])

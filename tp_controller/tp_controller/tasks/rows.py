@@ -138,7 +138,7 @@ def _wrapped(angle):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _frame_jacobian(twists, S, moves, position, out):  # type: ignore[no-untyped-def]
+def frame_jacobian(twists, S, moves, position, out):  # type: ignore[no-untyped-def]
     """Fill the Jacobian (6, n) of a frame from the twists (m, 6) of the model's joints."""
     n = out.shape[1]
     for r in range(6):
@@ -206,7 +206,7 @@ def _seen(jac, own, frame, reference, R, way, turns):  # type: ignore[no-untyped
 
 
 @njit(cache=True)
-def _pose(poses, index, R, p):  # type: ignore[no-untyped-def]
+def pose(poses, index, R, p):  # type: ignore[no-untyped-def]
     """Fill rotation (3, 3) and position (3,) of a frame, of the base if there is none."""
     for i in range(3):
         p[i] = poses[index, 3, i] if index >= 0 else 0.0
@@ -216,7 +216,7 @@ def _pose(poses, index, R, p):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _product(A, transposed, B, out):  # type: ignore[no-untyped-def]
+def product(A, transposed, B, out):  # type: ignore[no-untyped-def]
     """Fill the product (3, 3) of two matrices, of which the first may be meant transposed."""
     for i in range(3):
         for j in range(3):
@@ -236,17 +236,17 @@ def _fill_part(poses, frames, jac, part, places, values, work, J, errors):  # ty
     Rf, seen, error, p = work[5, :3], work[6, :3], work[7, 0], work[7, 1]
     p_ref, unused, way, side = work[7, 2], work[7, 3], work[7, 4], work[7, 5]
     turns = kind != POSITION
-    _pose(poses, frames[frame], Rf, p)
-    _pose(poses, frames[reference] if reference >= 0 else -1, R, p_ref)
+    pose(poses, frames[frame], Rf, p)
+    pose(poses, frames[reference] if reference >= 0 else -1, R, p_ref)
     for i in range(3):
         way[i] = p[i] - p_ref[i]
     own_axes = axes != REFERENCES
     if own_axes:
-        _pose(poses, frames[axes] if axes >= 0 else -1, Q, unused)
-        _product(R, True, Q, A)
+        pose(poses, frames[axes] if axes >= 0 else -1, Q, unused)
+        product(R, True, Q, A)
     _seen(jac, own, frame, reference, R, way, turns)
     if turns:
-        _product(R, True, Rf, seen)
+        product(R, True, Rf, seen)
     if kind == HEADING:
         axis = part[AXIS]
         i, j = (axis + 1) % 3, (axis + 2) % 3
@@ -281,8 +281,8 @@ def _fill_part(poses, frames, jac, part, places, values, work, J, errors):  # ty
         elif not own_axes:
             tilt(Q, part[AXIS], part[CARRIED] != 0, error)
         else:
-            _product(A, True, Q, seen)
-            _product(seen, False, A, Q)
+            product(A, True, Q, seen)
+            product(seen, False, A, Q)
             tilt(Q, part[AXIS], part[CARRIED] != 0, side)
             for i in range(3):
                 error[i] = A[i, 0] * side[0] + A[i, 1] * side[1] + A[i, 2] * side[2]
@@ -355,7 +355,7 @@ def fill(  # type: ignore[no-untyped-def]
         Velocities (K,) that are added to the gain terms; result: desired velocities (K,).
     """
     for f in range(frames.size):
-        _frame_jacobian(twists, S, moves[f], poses[frames[f], 3], jac[f])
+        frame_jacobian(twists, S, moves[f], poses[frames[f], 3], jac[f])
     for i in range(plan.shape[0]):
         if plan[i, KIND] != JOINTS:
             _fill_part(poses, frames, jac, plan[i], places[i], values[i], work, J, errors)
