@@ -52,7 +52,7 @@ def run(runs: int) -> bool:
     client = Client(domain)
     client.ignore_state()
     try:
-        # The first start reads the files from the disk; it does not count.
+        # The first start reads the files from the disk, and compiles modules: it does not count.
         for number in range(-1, runs + 1):
             last = number == runs
             process, measured = _start(client, domain, last)
@@ -96,6 +96,7 @@ def _start(client: Client, domain: PrivateDomain, told: bool) -> tuple[NodeProce
         1.0 / RATE, publish, clock=Clock(clock_type=ClockType.STEADY_TIME)
     )
     environment = domain.environment() | ({'PYTHONPROFILEIMPORTTIME': '1'} if told else {})
+    environment.pop('PYTHONDONTWRITEBYTECODE', None)
     begin = time.time()
     process = NodeProcess(OWN, 'controller', CONFIG, environment)
     client.wait_for(lambda: bool(came), 'the first command')
@@ -112,7 +113,9 @@ def _start(client: Client, domain: PrivateDomain, told: bool) -> tuple[NodeProce
 def _rollup(pid: int) -> tuple[float, float]:
     """Memory [MB] of a process: resident, and private."""
     text = Path(f'/proc/{pid}/smaps_rollup').read_text(encoding='utf-8')
-    sizes = {name: KILOBYTE * int(size) for name, size in re.findall(r'^(\w+): +(\d+) kB', text, 8)}
+    sizes = {
+        name: KILOBYTE * int(size) for name, size in re.findall(r'^(\w+): +(\d+) kB', text, 8)
+    }
     return sizes['Rss'], sizes['Private_Clean'] + sizes['Private_Dirty']
 
 
@@ -133,8 +136,7 @@ def _mappings(pid: int) -> Counter[str]:
 def _print(medians: Run, imports: Counter[str], mappings: Counter[str], runs: int) -> None:
     console = Console(width=100)
     times = {
-        'imports, see below': sum(imports.values()),
-        'interpreter, parameters, robot, node': medians.made - sum(imports.values()),
+        'to the node waiting for joint states': medians.made,
         'joint states found, first step': medians.first - medians.made,
         'start to first command': medians.first,
     }
@@ -142,7 +144,8 @@ def _print(medians: Run, imports: Counter[str], mappings: Counter[str], runs: in
     console.print(_table(title, {name: 1e3 * value for name, value in times.items()}, 0))
     largest = {name: 1e3 * value for name, value in imports.most_common(10)}
     largest['others'] = 1e3 * sum(imports.values()) - sum(largest.values())
-    console.print(_table('Imports by package [ms], modules and libraries', largest, 0))
+    largest['all'] = 1e3 * sum(imports.values())
+    console.print(_table('Imports by package [ms], in a run that measures them', largest, 0))
     parts = dict(mappings.most_common(12))
     parts['others'] = sum(mappings.values()) - sum(parts.values())
     parts['resident'] = medians.resident

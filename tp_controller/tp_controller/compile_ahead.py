@@ -7,12 +7,11 @@ headers of Python.
 from __future__ import annotations
 
 import importlib
-import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from numba.core.dispatcher import Dispatcher
-from numba.pycc import CC
 
 from tp_controller.compiled import PACKAGE, library_path, sources, symbol
 
@@ -31,7 +30,9 @@ def build() -> Path:
             old.unlink()
     if path.exists():
         return path
-    library = CC(path.name.partition('.')[0], source_module=__name__)
+    # numba compiles ahead by this class, of which mypy knows nothing.
+    compiler: Any = importlib.import_module('numba.pycc').CC
+    library = compiler(path.name.partition('.')[0], source_module=__name__)
     library.target_cpu = 'host'
     for function in _functions():
         (signature,) = function.nopython_signatures
@@ -59,4 +60,3 @@ def _functions() -> list[Dispatcher]:
 
 if __name__ == '__main__':
     print(build())
-    sys.exit()

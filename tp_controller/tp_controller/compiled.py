@@ -23,7 +23,8 @@ PACKAGE = Path(__file__).parent
 IMPORT = b'\nfrom tp_controller.compiled import '
 """What a module with compiled functions has in it."""
 
-_library: ModuleType | None = None
+_libraries: list[ModuleType] = []
+"""The library in use, if one is."""
 
 
 def use_library() -> bool:
@@ -34,7 +35,6 @@ def use_library() -> bool:
     bool
         Whether there is one; without it numba compiles them, or loads them from its cache.
     """
-    global _library
     path = library_path()
     if not path.exists():
         return False
@@ -42,9 +42,15 @@ def use_library() -> bool:
     loader = ExtensionFileLoader(name, str(path))
     spec = spec_from_loader(name, loader)
     assert spec is not None
-    _library = module_from_spec(spec)
-    loader.exec_module(_library)
+    library = module_from_spec(spec)
+    loader.exec_module(library)
+    _libraries.append(library)
     return True
+
+
+def library_in_use() -> bool:
+    """Whether compiled functions come from the library."""
+    return bool(_libraries)
 
 
 def library_path() -> Path:
@@ -76,11 +82,11 @@ def njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]
 
     The library has those with a signature. The others are for these to call.
     """
-    if _library is None:
+    if not _libraries:
         import numba
 
-        return numba.njit(*signature, **options)  # type: ignore[no-any-return]
-    return lambda function: getattr(_library, symbol(function), function)
+        return numba.njit(*signature, **options)
+    return lambda function: getattr(_libraries[-1], symbol(function), function)
 
 
 class _AnyType:
@@ -100,7 +106,7 @@ def __getattr__(name: str) -> Any:
     """Types of numba."""
     if name not in ('boolean', 'float64', 'int32', 'int64', 'types', 'void'):
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    if _library is not None:
+    if _libraries:
         return _AnyType()
     import numba
 
