@@ -16,7 +16,8 @@ from tp_controller import compiled
 if sys.argv[1] == 'library':
     assert compiled.use_library()
 from tp_controller import build_settings, read_parameter_file
-settings = build_settings(read_parameter_file(sys.argv[2], 'tp_controller') | {'start': 'target'})
+changes = {'start': 'target', 'solver.type': sys.argv[3]}
+settings = build_settings(read_parameter_file(sys.argv[2], 'tp_controller') | changes)
 stack, q = settings.stack, np.array(
     read_parameter_file(sys.argv[2], 'tp_sim')['initial_positions'], dtype=float)
 period = 1.0 / settings.values['rate']
@@ -27,9 +28,13 @@ print(*sorted(name for name in ('numba', 'llvmlite') if name in sys.modules))
 """
 
 
-@pytest.mark.parametrize('name', ['b1_obstacles', 'panda_table'])
-def test_steps_are_the_same(config, compiled_library, name):
-    numba, library = (_steps(kind, config / f'{name}.yaml') for kind in ('numba', 'library'))
+@pytest.mark.parametrize(
+    ('name', 'scheme'), [('a4_position_joint', 'hqp'), ('panda_table', 'recursive')]
+)
+def test_steps_are_the_same(config, compiled_library, name, scheme):
+    numba, library = (
+        _steps(kind, config / f'{name}.yaml', scheme) for kind in ('numba', 'library')
+    )
     assert library[-1] == ''
     assert numba[-1] == 'llvmlite numba'
     found, expected = (
@@ -62,8 +67,11 @@ def test_a_library_is_of_the_very_sources(monkeypatch, tmp_path):
     assert not compiled.use_library()
 
 
-def _steps(kind: str, path: Path) -> list[str]:
+def _steps(kind: str, path: Path, scheme: str) -> list[str]:
     done = subprocess.run(
-        [sys.executable, '-c', STEPS, kind, path], capture_output=True, text=True, check=True
+        [sys.executable, '-c', STEPS, kind, path, scheme],
+        capture_output=True,
+        text=True,
+        check=True,
     )
     return done.stdout.removesuffix('\n').split('\n')
