@@ -118,13 +118,11 @@ def run(seconds: float) -> bool:
                 beside = _start(BESIDE[name], domain) if name in BESIDE else None
                 driver.drive(min(left, SEGMENT))
                 if beside is not None:
-                    beside.terminate()
-                    beside.wait()
+                    _stop(beside)
             left -= SEGMENT
     finally:
         gc.enable()
-        echo.terminate()
-        echo.wait()
+        _stop(echo)
         controller.stop()
         client.close()
         domain.close()
@@ -141,6 +139,15 @@ def processor_time(pid: int) -> float:
 
 def _start(script: str, domain: PrivateDomain) -> subprocess.Popen[bytes]:
     return subprocess.Popen([sys.executable, HERE / script], env=domain.environment())
+
+
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    process.terminate()
+    try:
+        process.wait(5.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 def _print(drivers: dict[str, Driver], seconds: float) -> None:
