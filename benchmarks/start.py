@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from command_age import processor_time
 from rclpy.clock import Clock, ClockType
 from rich.console import Console
 from rich.markup import escape
@@ -39,6 +40,8 @@ class Run(NamedTuple):
     """Time [s] until the node says that it waits for joint states,"""
     first: float
     """and until its first command came."""
+    processor: float
+    """Time [s] that processors spent in it until then: other processes hardly change that."""
     resident: float
     """Memory [MB] then,"""
     private: float
@@ -100,14 +103,14 @@ def _start(client: Client, domain: PrivateDomain, told: bool) -> tuple[NodeProce
     begin = time.time()
     process = NodeProcess(OWN, 'controller', CONFIG, environment)
     client.wait_for(lambda: bool(came), 'the first command')
-    memory = _rollup(process.pid)
+    processor, memory = processor_time(process.pid), _rollup(process.pid)
     client.node.destroy_timer(timer)
     client.node.destroy_publisher(publisher)
     client.node.destroy_subscription(subscription)
     # The log tells its own time.
     made = re.search(r'\[(\d+\.\d+)\] \[tp_controller\]: waiting', process.output)
     assert made is not None
-    return process, Run(float(made[1]) - begin, came[0] - begin, *memory)
+    return process, Run(float(made[1]) - begin, came[0] - begin, processor, *memory)
 
 
 def _rollup(pid: int) -> tuple[float, float]:
@@ -139,6 +142,7 @@ def _print(medians: Run, imports: Counter[str], mappings: Counter[str], runs: in
         'to the node waiting for joint states': medians.made,
         'joint states found, first step': medians.first - medians.made,
         'start to first command': medians.first,
+        'processor time until then': medians.processor,
     }
     title = f'Start of the controller on {CONFIG.name} [ms], median of {runs} starts'
     console.print(_table(title, {name: 1e3 * value for name, value in times.items()}, 0))
