@@ -2,7 +2,7 @@
 
 The controller and a bare node that only echoes joint states run side by side; the joint
 states go to one and to the other in turn, so that both see the same machine. Then the controller
-has its turn again, with 4,000 goals a second and a listener to its state.
+has its turn again, with a listener to its state, and with 4,000 goals a second beside that.
 """
 
 import gc
@@ -25,16 +25,23 @@ from tp_sim.harness import Client, NodeProcess, PrivateDomain
 HERE = Path(__file__).resolve().parent
 CONFIG = HERE.parent / 'config' / 'a4_position_joint.yaml'
 RATE = 1000.0
+ECHO = 'bare echo node'
+ALONE = 'controller'
+HEARD = 'controller, state heard'
 FLOODED = 'controller, 4,000 goals/s'
-SEGMENT = 10.0
+BESIDE = {HEARD: 'listener.py', FLOODED: 'goal_flood.py'}
+"""What runs beside the node."""
+SEGMENT = 5.0
 """Time [s] before the other node gets its turn."""
+TICK = 1.0 / os.sysconf('SC_CLK_TCK')
 
 
 class Driver:
     """Publishes joint states at a rate and notes when each is answered."""
 
-    def __init__(self, client: Client, publisher: Publisher, command_topic: str) -> None:
+    def __init__(self, client: Client, publisher: Publisher, command_topic: str, pid: int) -> None:
         self._client = client
+        self._pid = pid
         self._publisher = publisher
         client.subscribe(JointState, command_topic, self._on_command)
         self._msg = JointState(
@@ -44,6 +51,8 @@ class Driver:
         )
         self._sent: dict[int, int] = {}
         self.ages: list[float] = []
+        self.cpu = 0.0
+        """Time [s] that processors spent in the node's process."""
 
     def drive(self, seconds: float) -> None:
         """Publish for a time, then wait for the last answers."""
@@ -53,7 +62,9 @@ class Driver:
         timer = self._client.node.create_timer(
             1.0 / RATE, self._publish, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
+        before = processor_time(self._pid)
         self._client.spin_for(seconds)
+        self.cpu += processor_time(self._pid) - before
         self._client.node.destroy_timer(timer)
         self._client.spin_for(0.3)
 
@@ -94,53 +105,70 @@ def run(seconds: float) -> bool:
         for topic in ('joint_states', 'echo/joint_states')
     )
     drivers = {
-        'controller': Driver(client, states, 'joint_velocity_command'),
-        'bare echo node': Driver(client, echoed, 'echo/command'),
-        FLOODED: Driver(client, states, 'joint_velocity_command'),
+        name: Driver(client, echoed, 'echo/command', echo.pid)
+        if name == ECHO
+        else Driver(client, states, 'joint_velocity_command', controller.pid)
+        for name in (ALONE, ECHO, HEARD, FLOODED)
     }
     gc.disable()
     try:
         left = seconds
         while left > 0.0:
             for name, driver in drivers.items():
-                flood = _flood(domain) if name == FLOODED else None
+                beside = _start(BESIDE[name], domain) if name in BESIDE else None
                 driver.drive(min(left, SEGMENT))
-                if flood is not None:
-                    flood.terminate()
-                    flood.wait()
+                if beside is not None:
+                    _stop(beside)
             left -= SEGMENT
     finally:
         gc.enable()
-        echo.terminate()
-        echo.wait()
+        _stop(echo)
         controller.stop()
         client.close()
         domain.close()
     _print(drivers, seconds)
-    measured = drivers['controller']
+    measured = drivers[ALONE]
     return bool(np.median(measured.ages) < 1.0 and measured.unanswered < 0.05 * measured.sent)
 
 
-def _flood(domain: PrivateDomain) -> subprocess.Popen[bytes]:
-    return subprocess.Popen([sys.executable, HERE / 'goal_flood.py'], env=domain.environment())
+def processor_time(pid: int) -> float:
+    """Time [s] that processors have spent in a process."""
+    fields = Path(f'/proc/{pid}/stat').read_text(encoding='utf-8').rpartition(')')[2].split()
+    return TICK * (int(fields[11]) + int(fields[12]))
+
+
+def _start(script: str, domain: PrivateDomain) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([sys.executable, HERE / script], env=domain.environment())
+
+
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    process.terminate()
+    try:
+        process.wait(5.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 def _print(drivers: dict[str, Driver], seconds: float) -> None:
     table = Table(
         title=escape(f'Age of the command [ms], joint states at 1 kHz for {seconds:g} s')
     )
-    for column in ('node', 'states', 'unanswered', 'median', '99 %', 'largest'):
+    for column in ('node', 'states', 'unanswered', 'median', '99 %', 'largest', 'CPU [µs]'):
         table.add_column(column, justify='left' if column == 'node' else 'right')
+    medians, costs = {}, {}
     for name, driver in drivers.items():
         ages = np.array(driver.ages)
-        figures = (np.median(ages), np.percentile(ages, 99), ages.max())
-        table.add_row(
-            name, str(driver.sent), str(driver.unanswered), *(f'{value:.3f}' for value in figures)
-        )
+        medians[name], costs[name] = np.median(ages), driver.cpu / len(driver.ages)
+        figures = (medians[name], np.percentile(ages, 99), ages.max())
+        counts = (str(driver.sent), str(driver.unanswered))
+        cost = f'{1e6 * costs[name]:.0f}'
+        table.add_row(name, *counts, *(f'{value:.3f}' for value in figures), cost)
     console = Console(width=100)
     console.print(table)
-    medians = [np.median(driver.ages) for driver in drivers.values()]
-    console.print(
-        f'Median against the bare echo node: {medians[0] / medians[1]:.2f} '
-        f'({os.cpu_count()} cores)'
-    )
+    for name in (ALONE, HEARD):
+        console.print(
+            f'{name}, against the bare echo node: age {medians[name] / medians[ECHO]:.2f}, '
+            f'CPU {costs[name] / costs[ECHO]:.2f}'
+        )
+    console.print(f'CPU: time of the process per answer; {os.cpu_count()} cores')

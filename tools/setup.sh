@@ -63,13 +63,15 @@ venv_state() {
 }
 
 # What the build was made from: the names of all files, and the contents of those that are not
-# linked into install but generated from or copied.
+# linked into install but generated from, copied or compiled.
 packages_state() {
   venv_state
   find config/ tp_* \( -name '.?*' -o -name __pycache__ -o -name '*.egg-info' \) -prune \
     -o -type f -print | LC_ALL=C sort
   find tp_* \( -name package.xml -o -name CMakeLists.txt -o -name 'setup.*' -o -name '*.msg' \
     -o -name '*.srv' -o -name '*.action' \) -type f -exec sha256sum {} + | LC_ALL=C sort
+  grep -rl --include='*.py' -e 'compiled import' -e 'numba import' tp_* | LC_ALL=C sort |
+    xargs sha256sum
   # there after a build with --symlink-install, gone after one without
   echo install/*/lib/python*/site-packages/*.egg-link
 }
@@ -139,6 +141,9 @@ build_packages() {
   logged colcon build --symlink-install
   wait $kernel || exit
   wait $rest || exit
+  # for the nodes, which then load neither numba nor LLVM
+  PYTHONPATH=tp_controller${PYTHONPATH:+:$PYTHONPATH} logged python -m tp_controller.compile_ahead
+  logged python -m compileall -q -j 0 tp_controller tp_sim install
   packages_state >install/state
 }
 

@@ -1,4 +1,6 @@
-"""A controller that starts, or starts again, holds the arm unless it is asked for its targets."""
+"""A controller that starts holds the arm unless it is asked for its targets; what it loads."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -46,3 +48,22 @@ def test_the_library_holds_only_if_it_is_asked_to(config):
     assert np.abs(build_settings(flat).stack.step(np.array(A)).command).max() > 0.1
     stack = build_settings(flat | {'start': 'hold'}).stack
     assert not stack.step(np.array(A)).command.any()
+
+
+def test_the_process_loads_no_compiler(compiled_library, lone_controller):
+    controller = lone_controller()
+    assert np.abs(controller.ask(A)).max() > 0.1
+    mapped = Path(f'/proc/{controller.process.pid}/maps').read_text(encoding='utf-8')
+    assert compiled_library.name in mapped
+    assert 'llvmlite' not in mapped
+    assert 'compile_ahead' not in controller.process.output
+
+
+def test_without_the_library_numba_does_the_same(compiled_library, lone_controller):
+    hidden = compiled_library.rename(compiled_library.with_suffix('.hidden'))
+    try:
+        controller = lone_controller()
+        assert np.abs(controller.ask(A)).max() > 0.1
+    finally:
+        hidden.rename(compiled_library)
+    assert 'compile_ahead makes it' in controller.process.output

@@ -1,6 +1,6 @@
 """Types of the arrays that compiled functions take."""
 
-from numba import float64, types
+from tp_controller.compiled import float64, types
 
 COLUMN = float64[::1]
 """Vector that may be written to."""

@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import boolean, float64, int64, njit, void
 
 from tp_controller.array_types import COLUMN, FIXED
+from tp_controller.compiled import boolean, float64, int64, njit, void
 
 ROUNDING = 1e-9
 """Distance [rad, m] from the end of a range at which a joint stops."""

@@ -12,9 +12,8 @@ from __future__ import annotations
 
 import math
 
-from numba import boolean, float64, int64, njit, void
-
 from tp_controller.array_types import COLUMN, FIXED, ROWS
+from tp_controller.compiled import boolean, float64, int64, njit, void
 
 SLIVER = 1e-6
 """Times [steps] that differ by less are the same."""

@@ -22,10 +22,10 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numba import float64, njit, void
 from numpy.typing import NDArray
 
 from tp_controller.array_types import COLUMN, FIXED
+from tp_controller.compiled import float64, njit, void
 
 Vector = NDArray[np.float64]
 

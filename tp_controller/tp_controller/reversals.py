@@ -11,10 +11,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import boolean, float64, int64, njit, void
 from numpy.typing import NDArray
 
 from tp_controller.array_types import COLUMN, FIXED, ROWS
+from tp_controller.compiled import boolean, float64, int64, njit, void
 
 Vector = NDArray[np.float64]
 

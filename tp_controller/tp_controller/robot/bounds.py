@@ -3,9 +3,8 @@
 Importing this module compiles it, or loads what an earlier process compiled.
 """
 
-from numba import boolean, int64, njit, void
-
 from tp_controller.array_types import COLUMN, FIXED, FIXED_ROWS, ROWS
+from tp_controller.compiled import boolean, int64, njit, void
 
 DISTANCE, NORMAL, POINT = 0, 1, 4
 """Columns of a result: the distance [m], the direction from the first shape to the second, the

@@ -5,9 +5,8 @@ Importing this module compiles it, or loads what an earlier process compiled.
 
 from __future__ import annotations
 
-from numba import float64, int64, njit, types, void
-
 from tp_controller.array_types import FIXED_ROWS
+from tp_controller.compiled import float64, int64, njit, types, void
 
 PLACES = types.Array(int64, 1, 'C', readonly=True)
 

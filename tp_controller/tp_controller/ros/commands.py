@@ -9,12 +9,11 @@ from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from tp_controller.robot import Robot
-from tp_controller.ros.state import field_view
+from tp_controller.ros.serialized import Serialized
 
 QUEUE_DEPTH = 100
 TOPIC = 'joint_velocity_command'
@@ -42,14 +41,14 @@ class CommandPublisher:
         self._node = node
         self._stamped = command_type == 'joint_state'
         if self._stamped:
-            self._msg: Any = JointState(name=list(robot.joints))
-            self._msg.header.frame_id = robot.base_frame
-            self.velocity = field_view(self._msg, 'velocity', robot.n)
+            msg: Any = JointState(name=list(robot.joints))
+            msg.header.frame_id = robot.base_frame
         else:
-            self._msg = Float64MultiArray()
-            self.velocity = field_view(self._msg, 'data', robot.n)
+            msg = Float64MultiArray()
+        self.velocity = np.zeros(robot.n)
+        self._publisher = node.create_publisher(type(msg), TOPIC, QUEUE_DEPTH)
+        self._message = Serialized(msg, 'velocity' if self._stamped else 'data', robot.n)
         self._bytes = b''
-        self._publisher = node.create_publisher(type(self._msg), TOPIC, QUEUE_DEPTH)
 
     @property
     def topic(self) -> str:
@@ -73,9 +72,9 @@ class CommandPublisher:
     def prepare(self, command: NDArray[np.float64] | float, stamp: Time | None = None) -> None:
         """Make the message of a command as in `send`, without publishing it."""
         self.velocity[:] = command
-        if self._stamped:
-            self._msg.header.stamp = stamp or self._node.get_clock().now().to_msg()
-        self._bytes = serialize_message(self._msg)
+        if self._stamped and stamp is None:
+            stamp = self._node.get_clock().now().to_msg()
+        self._bytes = self._message.write(self.velocity, stamp)
 
     def send_prepared(self) -> None:
         """Publish what was prepared; little time passes in between, to be too late in."""

@@ -15,6 +15,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.timer import Timer
 from visualization_msgs.msg import MarkerArray
 
+from tp_controller import compiled
 from tp_controller.config import HOLD, START, build_settings, know_rate, read_parameters
 from tp_controller.errors import InvalidValue
 from tp_controller.ros.commands import CommandPublisher
@@ -105,7 +106,7 @@ class ControllerNode(RobotNode):
             commands,
             self._state.msg,
             self._warnings,
-            self.get_logger(),
+            self.log,
             rate,
             limit,
             self._inputs.feedforwards,
@@ -123,8 +124,13 @@ class ControllerNode(RobotNode):
         self._look_at = self._serve_at = self._served = -math.inf
         self._brake_at = math.inf
         self._answered = False
+        if not compiled.library_in_use():
+            self.log.info(
+                'compiled functions are loaded by numba, which takes a second and 130 MB more '
+                'than their library does: python -m tp_controller.compile_ahead makes it'
+            )
         TaskServices(self, self._settings, self._on_task_added, self._on_task_removed)
-        self.get_logger().info(f'waiting for joint states; tasks by level: {self._levels()}')
+        self.log.info(f'waiting for joint states; tasks by level: {self._levels()}')
         # What is there now stays: the collector need not look at it again, which takes long.
         gc.collect()
         gc.freeze()
@@ -155,7 +161,7 @@ class ControllerNode(RobotNode):
         return ', '.join(self._stack.hierarchy)
 
     def _log_warning(self, line: str) -> None:
-        self.get_logger().warning(line)
+        self.log.warning(line)
 
     def _make_timer(self, period: float, callback: Callable[[], None]) -> Timer:
         return self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))

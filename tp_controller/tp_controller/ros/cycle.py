@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from tp_controller.errors import InvalidValue, UnusableState
 from tp_controller.oscillation import OscillationWatch
@@ -16,6 +15,7 @@ from tp_controller.ros.feedforward import FeedforwardOverrides
 from tp_controller.ros.intake import Intake
 from tp_controller.ros.joint_states import JointStateReader, RateCheck
 from tp_controller.ros.lateness import Lateness
+from tp_controller.ros.log import Log
 from tp_controller.ros.rate import RateEstimate
 from tp_controller.ros.robot_node import HEARTBEAT
 from tp_controller.ros.state_watch import Arrival, StateWatch
@@ -76,7 +76,7 @@ class Cycle:
         commands: CommandPublisher,
         state: ControllerState,
         warnings: Warnings,
-        logger: RcutilsLogger,
+        logger: Log,
         rate: float | None,
         limit: float,
         feedforwards: FeedforwardOverrides,

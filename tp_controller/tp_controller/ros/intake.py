@@ -9,7 +9,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
-from tp_controller.ros.polled import subscribe
+from tp_controller.ros.polled import subscribe, taker
 from tp_controller.ros.state_watch import Arrival, StateWatch
 
 QUEUE_DEPTH = 100
@@ -34,6 +34,7 @@ class Intake:
         self._stored: list[tuple[JointState, dict[str, Any]]] = []
         self._emptied = time.monotonic()
         self.subscription = subscribe(node, JointState, 'joint_states', QUEUE_DEPTH)
+        self._take = taker(self.subscription)
         self._context = node.context
         self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
 
@@ -56,29 +57,21 @@ class Intake:
         """All states that wait, the newest last; without those that newer ones overtook."""
         arrivals: list[Arrival] = []
         idle = time.monotonic() - self._emptied
-        handle = self.subscription.handle
-        with handle:
-            # More than the queue holds come only while they are taken.
-            for _ in range(QUEUE_DEPTH + 1):
-                if self._stored:
-                    msg, info = self._stored.pop(0)
-                else:
-                    found = handle.take_message(JointState, False)
-                    if found is None:
-                        break
-                    msg, info = found
-                arrival = self._watch.arrive(msg, info, time.monotonic(), idle)
-                if arrival is not None:
-                    arrivals.append(arrival)
+        # More than the queue holds come only while they are taken.
+        for _ in range(QUEUE_DEPTH + 1):
+            found = self._stored.pop(0) if self._stored else self._take()
+            if found is None:
+                break
+            arrival = self._watch.arrive(*found, time.monotonic(), idle)
+            if arrival is not None:
+                arrivals.append(arrival)
         self._emptied = time.monotonic()
         return arrivals
 
     def waits(self) -> bool:
         """Whether a state waits; who asks has to `take` it."""
         if not self._stored:
-            handle = self.subscription.handle
-            with handle:
-                found = handle.take_message(JointState, False)
+            found = self._take()
             if found is None:
                 self._emptied = time.monotonic()
                 return False

@@ -10,6 +10,7 @@ from rclpy.parameter import Parameter as RosParameter
 
 from tp_controller.config import Settings, check_changes, controller_schema
 from tp_controller.errors import InvalidValue
+from tp_controller.ros.log import Log
 from tp_controller.ros.parameters import ROS_OWN, describe_parameters
 from tp_controller.tasks import Task
 
@@ -32,6 +33,7 @@ class LiveParameters:
 
     def __init__(self, node: Node, settings: Settings, changed: Callable[[], None]) -> None:
         self._node = node
+        self._log = Log(node)
         self._settings = settings
         self._changed = changed
         self._schema = controller_schema(settings.values)
@@ -72,6 +74,6 @@ class LiveParameters:
     def _apply(self, parameters: Sequence[RosParameter]) -> None:
         if self._pending is not None:
             for line in self._pending():
-                self._node.get_logger().warning(line)
+                self._log.warning(line)
             self._pending = None
             self._changed()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
@@ -39,6 +41,15 @@ def take(subscription: Subscription) -> Any:
     with subscription.handle:
         found = subscription.handle.take_message(subscription.msg_type, subscription.raw)
     return None if found is None else found[0]
+
+
+def taker(subscription: Subscription) -> Callable[[], tuple[Any, dict[str, Any]] | None]:
+    """Make what takes the next message of a polled subscription, and what is known about it.
+
+    It returns None if there is no message. Whoever calls it again and again saves half the time
+    of `take`; the subscription must not be destroyed by another thread.
+    """
+    return partial(subscription.handle.take_message, subscription.msg_type, subscription.raw)
 
 
 def _ignore(_: Any) -> None:

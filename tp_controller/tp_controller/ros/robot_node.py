@@ -18,6 +18,7 @@ from std_msgs.msg import String
 
 from tp_controller.config import robot_source
 from tp_controller.robot import LONGEST_URDF, same_description
+from tp_controller.ros.log import Log
 from tp_controller.ros.parameters import given_parameters
 
 TOPIC = 'robot_description'
@@ -45,12 +46,15 @@ class RobotNode(Node, ABC):
 
     Attributes
     ----------
+    log
+        The node's log.
     started
         Whether the robot is known and `start` was called.
     """
 
     def __init__(self, name: str, **options: Any) -> None:
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **options)
+        self.log = Log(self)
         self.started = False
         self._given = given_parameters(self)
         self._description: str | None = None
@@ -124,7 +128,7 @@ class RobotNode(Node, ABC):
             partial(self.show_waiting, message),
             clock=Clock(clock_type=ClockType.STEADY_TIME),
         )
-        self.get_logger().info(f'{message}: the parameters name no robot')
+        self.log.info(f'{message}: the parameters name no robot')
 
     def _on_description(self, msg: String) -> None:
         if self._description is None:
@@ -142,7 +146,7 @@ class RobotNode(Node, ABC):
         same = len(text) <= LONGEST_URDF and same_description(self._description, text)
         if not same and not self._differs:
             self._differs = True
-            self.get_logger().warning('another robot_description is ignored: a restart takes it')
+            self.log.warning('another robot_description is ignored: a restart takes it')
 
     def _start(self) -> None:
         self.start(self._given, self._description)

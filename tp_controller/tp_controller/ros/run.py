@@ -6,6 +6,7 @@ Nothing heavy is imported before `run_node` has taken charge of the signals.
 from __future__ import annotations
 
 import contextlib
+import gc
 import importlib
 import os
 import signal
@@ -55,15 +56,18 @@ def run_node(name: str, module: str, node_class: str) -> int:
         Exit status: 0 after a signal, 1 after an error, 2 after a refused configuration.
     """
     _ask_for_priority()
+    _leave_out()
     for number in SIGNALS:
         # Before the node exists there is nothing to bring to rest.
         _handle(number, lambda *_: os._exit(0))
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
+    from tp_controller import compiled
     from tp_controller.errors import NO_VALUE, InvalidValue
     from tp_controller.ros import arguments
 
+    compiled.use_library()
     make_node = getattr(importlib.import_module(module), node_class)
     stop = _Stop()
     for number in SIGNALS:
@@ -73,6 +77,7 @@ def run_node(name: str, module: str, node_class: str) -> int:
         arguments.check_parameter_rules(sys.argv)
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = make_node()
+        gc.enable()
     except InvalidValue as error:
         rclpy.try_shutdown()
         hint = arguments.missing_value_hint(sys.argv, error.key) if error.got == NO_VALUE else ''
@@ -99,6 +104,16 @@ def _ask_for_priority() -> None:
     with contextlib.suppress(OSError):
         if os.getpriority(os.PRIO_PROCESS, 0) == 0:
             os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
+
+
+def _leave_out() -> None:
+    """Leave out what takes time or memory at the start and is of no use to a node."""
+    # Hardly anything made meanwhile is garbage.
+    gc.disable()
+    # Matrices are small: threads for the large ones would only wait, each with its memory.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    # rclpy's messages need their loader alone; the package tries to import the generator too.
+    sys.modules['rosidl_generator_py.generate_py_impl'] = None  # type: ignore[assignment]
 
 
 def _spin(name: str, node: Any, stop: _Stop) -> int:

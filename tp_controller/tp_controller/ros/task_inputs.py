@@ -16,7 +16,7 @@ from tp_controller.errors import InvalidValue
 from tp_controller.ros.codecs import codec_of
 from tp_controller.ros.feedforward import FeedforwardOverrides
 from tp_controller.ros.goals import GoalReader
-from tp_controller.ros.polled import subscribe, take
+from tp_controller.ros.polled import subscribe, taker
 from tp_controller.ros.state import StateMessage
 from tp_controller.ros.warnings import Warnings
 from tp_controller.tasks import Task
@@ -46,6 +46,7 @@ class _Topic:
         handler: Callable[[Task, Any], None],
     ) -> None:
         self.subscription, self.task, self.what = subscription, task, what
+        self.take = taker(subscription)
         self.handler = handler
         self.opens = -math.inf
         """Steady time [s] from which on the next message may be taken."""
@@ -143,15 +144,15 @@ class TaskInputs:
             Whether anything was taken over or refused.
         """
         begin = time.monotonic()
-        found, count = False, len(self._topics)
+        found, topics, count = False, self._topics, len(self._topics)
         for i in range(self._first, self._first + count):
-            topic = self._topics[i % count]
+            topic = topics[i % count]
             if begin < topic.opens:
                 continue
-            msg = take(topic.subscription)
-            if msg is None:
+            taken = topic.take()
+            if taken is None:
                 continue
-            found = True
+            msg, found = taken[0], True
             topic.opens = begin + self._pause
             self._take_over(topic, msg)
             if time.monotonic() >= begin + seconds:

@@ -8,9 +8,8 @@ or, for a level that loses, from the second derivatives.
 
 from __future__ import annotations
 
-from numba import njit
-
 from tp_controller.braking import viable_speed
+from tp_controller.compiled import njit
 
 SHARE, LOWER_SHARE = 0.6, 0.4
 """Share of the acceleration limits that braking at a target may need, in the first level and in

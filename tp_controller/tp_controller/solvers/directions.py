@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from tp_controller.compiled import njit
 from tp_controller.solvers.settling import orthogonalise
 
 STILL = 1e-13

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import math
 
-from numba import boolean, float64, int64, njit, void
-
 from tp_controller.array_types import COLUMN, FIXED, ROWS
+from tp_controller.compiled import boolean, float64, int64, njit, void
 from tp_controller.solvers.kernel import DONE, resolve
 from tp_controller.solvers.settling import UNKNOWN
 

@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import boolean, float64, int64, njit
 
 from tp_controller.array_types import COLUMN, CUBE, FIXED, ROWS
+from tp_controller.compiled import boolean, float64, int64, njit
 from tp_controller.solvers.approach import LOWER_SHARE, SHARE, able_share
 from tp_controller.solvers.directions import STILL, gather, invert, reduce
 from tp_controller.solvers.settling import (

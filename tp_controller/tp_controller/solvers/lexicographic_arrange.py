@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 
-from numba import boolean, int32, int64, njit
-
 from tp_controller.array_types import COLUMN, CUBE, ROWS
+from tp_controller.compiled import boolean, int32, int64, njit
 from tp_controller.solvers.directions import STILL
 
 ENDLESS = 1e30

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import boolean, float64, njit
 
 from tp_controller.array_types import COLUMN, CUBE, ROWS
+from tp_controller.compiled import boolean, float64, njit
 from tp_controller.solvers.directions import STILL, invert, reduce
 from tp_controller.solvers.lexicographic_arrange import (
     CHOICES,

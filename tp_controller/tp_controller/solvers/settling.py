@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from tp_controller.compiled import njit
 
 LOST = 4.0
 """A direction is lost where its curvature is above so many times s²."""

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from numba import boolean, float64, int64, njit, void
-
 from tp_controller.array_types import COLUMN, FIXED, FIXED_ROWS, ROWS
+from tp_controller.compiled import boolean, float64, int64, njit, void
 
 
 @njit(void(COLUMN, ROWS, COLUMN, float64, boolean[::1], COLUMN, ROWS), cache=True)

@@ -16,9 +16,8 @@ from __future__ import annotations
 
 import math
 
-from numba import boolean, int64, njit, void
-
 from tp_controller.array_types import COLUMN, CUBE, FIXED, ROWS
+from tp_controller.compiled import boolean, int64, njit, void
 from tp_controller.tasks.parts import (
     AXES,
     AXIS,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from numba import boolean, int64, njit, void
+from tp_controller.compiled import boolean, int64, njit, void
 
 from tp_controller.array_types import COLUMN, CUBE, ROWS
 from tp_controller.robot.curvature import PLACES, chain_hessian
@@ -85,7 +85,7 @@ def _bend_rotation(first, J, errors, space, out):  # type: ignore[no-untyped-def
 
 @njit(cache=True)
 def _along(bent, first, axis, out):  # type: ignore[no-untyped-def]
-    """Fill the symmetric part (m, m) along an axis (3,) of second derivatives from ``first`` on."""
+    """Fill the symmetric part (m, m), along an axis (3,), of derivatives from ``first`` on."""
     m = out.shape[0]
     for c in range(m):
         for d in range(c + 1):
