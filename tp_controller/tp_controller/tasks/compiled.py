@@ -114,8 +114,8 @@ class CompiledRows:
         chains = [_chain(part) for part, _, _ in parts]
         counts = np.array([len(chain) for chain in chains], dtype=np.int64)
         ordered = np.zeros((len(parts), m), dtype=np.int64)
-        for row, chain in zip(ordered, chains, strict=True):
-            row[: len(chain)] = chain
+        for line, chain in zip(ordered, chains, strict=True):
+            line[: len(chain)] = chain
         self._bent_arguments = (
             robot.twists,
             robot.poses,

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 
-from tp_controller.compiled import boolean, int64, njit, void
-
 from tp_controller.array_types import COLUMN, CUBE, ROWS
+from tp_controller.compiled import boolean, int64, njit, void
 from tp_controller.robot.curvature import PLACES, chain_hessian
 from tp_controller.tasks.parts import (
     AXES,
