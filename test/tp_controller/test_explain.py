@@ -17,7 +17,7 @@ from references import away_from_rank_changes, recursion
 from small_arms import planar_block
 
 from tp_controller import build_settings
-from tp_controller.explain import explain
+from tp_controller.explanation import explain_step as explain
 
 
 def stack_of(hierarchy, damping=0.0, velocity=None, saturation='uniform', **targets):

@@ -10,16 +10,20 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tp_controller.blending import Blend, blend
     from tp_controller.config import build_settings, read_parameter_file
     from tp_controller.errors import InvalidValue, TaskPriorityError, UnusableState
+    from tp_controller.explanation import Explanation, explain, explain_step
     from tp_controller.objectives import (
         JointRangeObjective,
         ManipulabilityObjective,
         Objective,
         PostureObjective,
     )
-    from tp_controller.problem import Level, LevelSolution, Solution, solve
-    from tp_controller.robot import DHParameters, Limits, Response, Robot
+    from tp_controller.problem import Level, Problem
+    from tp_controller.robot import DHParameters, Limits, Response, Robot, State
+    from tp_controller.safety_filter import SafetyFilter
+    from tp_controller.solution import LevelSolution, Solution, solve
     from tp_controller.solvers import Inverse, Solver, solver_of
     from tp_controller.stack import LevelResult, Stack, Step
     from tp_controller.tasks import (
@@ -42,7 +46,9 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    'Blend',
     'DHParameters',
+    'Explanation',
     'FrameTask',
     'GazeTask',
     'InvalidValue',
@@ -64,26 +70,45 @@ __all__ = [
     'PositionTask',
     'PostureObjective',
     'PostureTask',
+    'Problem',
     'Response',
     'Robot',
+    'SafetyFilter',
     'SelfCollisionTask',
     'SetBasedTask',
     'Solution',
     'Solver',
     'Stack',
+    'State',
     'Step',
     'Switching',
     'Task',
     'TaskPriorityError',
     'UnusableState',
     'WholeArmTask',
+    'blend',
     'build_settings',
+    'explain',
+    'explain_step',
     'read_parameter_file',
     'solve',
     'solver_of',
 ]
 
-_MODULES = ('errors', 'robot', 'objectives', 'solvers', 'problem', 'tasks', 'stack', 'config')
+_MODULES = (
+    'errors',
+    'robot',
+    'objectives',
+    'solvers',
+    'problem',
+    'solution',
+    'tasks',
+    'safety_filter',
+    'explanation',
+    'blending',
+    'stack',
+    'config',
+)
 """Modules that the names come from, the quickest to load first."""
 
 

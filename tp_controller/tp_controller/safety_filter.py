@@ -6,11 +6,12 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tp_controller.arm import Arm
-from tp_controller.errors import NO_VALUE, InvalidValue, shown
+from tp_controller.errors import NO_VALUE, InvalidValue, UnusableState, shown
 from tp_controller.lookahead import Lookahead
+from tp_controller.problem import checked_array
 from tp_controller.robot import Limits, Robot
 from tp_controller.solvers import Bounds
 from tp_controller.tasks import SetBasedTask
@@ -96,6 +97,16 @@ class SafetyFilter:
         self.stopped_by: tuple[str, ...] = ()
         tasks = tasks if math.isfinite(self.period) else ()
         self._ahead = Lookahead(self._robot, self.arm, tasks)
+
+    @property
+    def memory(self) -> tuple[object, ...]:
+        """Objects whose attributes are all that the filter remembers."""
+        return (self, self.arm, self._ahead)
+
+    @property
+    def last_bounds(self) -> Bounds:
+        """Bounds that `bounds` gave last; the next call writes to their arrays."""
+        return self._bounds
 
     @property
     def kept(self) -> tuple[str, ...]:
@@ -231,6 +242,59 @@ class SafetyFilter:
             self._give_way(command)
         self._before[:] = command
         self.arm.send(command)
+
+    def step(
+        self,
+        wish: ArrayLike,
+        q: Vector,
+        elapsed: float | None = None,
+        qd: Vector | None = None,
+    ) -> Vector:
+        """Turn a wished velocity into the command that answers a measured state.
+
+        The whole step of the filter by itself: it goes on to the state, moves the robot there,
+        measures the distances that it keeps and changes the velocity. Call it once a period.
+        A wish outside the bounds of the joints is brought to them joint by joint. While the arm
+        does not follow its commands the filter brakes, whatever is wished.
+
+        Parameters
+        ----------
+        wish
+            Wished joint velocity (n,) [rad/s, m/s].
+        q
+            Measured configuration (nq,) [rad, m].
+        elapsed, qd
+            Time [s] since the state before and measured velocities (n,), see `Arm.take`.
+
+        Returns
+        -------
+        Vector
+            The command (n,) [rad/s, m/s]; the caller's own.
+
+        Raises
+        ------
+        InvalidValue
+            If the wish has a wrong shape or is not finite.
+        UnusableState
+            If the state is not finite, or no joint can have moved so; in that case the error
+            has a command that brakes.
+        """
+        wished = checked_array('wish', wish, (self._robot.n,))
+        if not np.isfinite(q).all():
+            raise UnusableState(f'no finite command follows from the position {shown(q)}')
+        command = np.zeros(self._robot.n)
+        # A copy: what cannot be written to is another type to compiled code.
+        if not self.take(np.array(q, dtype=float), elapsed, qd):
+            self.brake(command)
+            raise UnusableState(self.arm.notice, command)
+        self._robot.update(self.arm.reference)
+        bounds = self.bounds()
+        for task, _ in self._ahead.tasks:
+            task.update()
+        if self.arm.following:
+            np.clip(wished, bounds.soon_lower, bounds.soon_upper, out=command)
+        self.pass_on(command)
+        return command
 
     def brake(self, command: Vector, elapsed: float | None = None) -> None:
         """Brake: fill the velocities (n,) to be sent.

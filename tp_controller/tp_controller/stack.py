@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from tp_controller.arm import Arm
 from tp_controller.errors import InvalidValue, UnusableState, listed, shown
 from tp_controller.parameters import check_name
-from tp_controller.robot import Limits, Robot
+from tp_controller.problem import Problem, joined
+from tp_controller.robot import Limits, Robot, State
 from tp_controller.safety_filter import SafetyFilter
+from tp_controller.snapshot import unchanged
 from tp_controller.solvers import Bounds, Curvature, Solver, solver_of
 from tp_controller.tasks import SetBasedTask, Task
 
@@ -336,6 +338,19 @@ class Stack:
             )
         return found
 
+    @property
+    def answer(self) -> Vector:
+        """Joint velocity (n,) that the solver gave in the last step; a copy.
+
+        The safety filter makes the command of it.
+        """
+        return self._wish.copy()
+
+    @property
+    def at_bound(self) -> NDArray[np.bool_]:
+        """Which joints were at a bound of their velocity (n,) in the last step's answer."""
+        return self.safety_filter.last_bounds.met(self._wish) != 0
+
     def level_of(self, name: str) -> int:
         """Level of a task, 0 is the highest; -1 outside the hierarchy."""
         for i, level in enumerate(self._results):
@@ -368,6 +383,60 @@ class Stack:
             if error.command is not None:
                 error.command = error.command.copy()
             raise
+
+    def problem(
+        self, q: Vector | State, elapsed: float | None = None, qd: Vector | None = None
+    ) -> Problem:
+        """Return what the next step would resolve, as a value; the stack stays as it is.
+
+        ``solve(stack.problem(q), **stack.solver.settings)`` answers as the stack does before the
+        safety filter, where ``settle`` is off. What a stack does on top of it, the approach to
+        targets within limits of acceleration and the rest of levels that cannot get what they
+        ask for, is no part of the problem.
+
+        Parameters
+        ----------
+        q
+            Measured configuration (nq,) [rad, m], or a state of the robot.
+        elapsed, qd
+            As `step`.
+
+        Returns
+        -------
+        Problem
+            The levels in order; as bounds what ranges, speeds and accelerations allow after the
+            last command. Its arrays are the caller's own.
+
+        Raises
+        ------
+        InvalidValue
+            If the configuration has a wrong shape or is not finite, or the state is another
+            robot's.
+        UnusableState
+            If no joint can have moved so.
+        """
+        state = q if isinstance(q, State) else self.robot.state(q)
+        state.check(self.robot)
+        memory = chain.from_iterable(task.memory for task in self._ranked)
+        with unchanged(*self.safety_filter.memory, *memory):
+            # A copy: what cannot be written to is another type to compiled code.
+            if not self.safety_filter.take(state.q.copy(), elapsed, qd):
+                raise UnusableState(self.arm.notice)
+            reference = self.arm.reference
+            if not np.array_equal(reference, state.q):
+                state = self.robot.state(reference)
+            bounds = self.safety_filter.bounds()
+            self._expect(bounds)
+            levels = [joined([task.rows(state) for task in tasks]) for tasks in self._members]
+            return Problem(
+                tuple(levels),
+                bounds.soon_lower.copy(),
+                bounds.soon_upper.copy(),
+                bounds.range_lower.copy(),
+                bounds.range_upper.copy(),
+                bounds.start,
+                self.robot.joints,
+            )
 
     def step_in_place(
         self, q: Vector, elapsed: float | None = None, qd: Vector | None = None

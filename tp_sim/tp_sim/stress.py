@@ -393,7 +393,7 @@ def _places(
     while True:
         robot.update(random_configuration(robot, rng))
         far = rng.choice([1.0, rng.uniform(0.7, 1.3)])
-        yield [far * robot.frame(task.frame_name).position[task.rows] for task in tasks]
+        yield [far * robot.frame(task.frame_name).position[task.twist_rows] for task in tasks]
 
 
 def _table(name: str, outcomes: dict[str, Outcome]) -> Table:

@@ -12,6 +12,7 @@ from tp_controller.robot.pairs import link_pairs, obstacle_clearance, self_clear
 from tp_controller.robot.response import Response
 from tp_controller.robot.shapes import Shape, capsule, half_space, sphere
 from tp_controller.robot.space import Space
+from tp_controller.robot.state import State, moved
 from tp_controller.robot.urdf import LONGEST_URDF, read_description, urdf_robot
 
 __all__ = [
@@ -27,12 +28,14 @@ __all__ = [
     'Robot',
     'Shape',
     'Space',
+    'State',
     'capsule',
     'clad',
     'dh_description',
     'dh_robot',
     'half_space',
     'link_pairs',
+    'moved',
     'obstacle_clearance',
     'read_description',
     'robot_bodies',

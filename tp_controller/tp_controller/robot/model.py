@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.robot.limits import Limits
@@ -18,6 +18,7 @@ from tp_controller.robot.reach import Path, crossings, joint_path, path_speeds
 from tp_controller.robot.response import Response
 from tp_controller.robot.shapes import Shape
 from tp_controller.robot.space import Space
+from tp_controller.robot.state import State
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -395,6 +396,27 @@ class Robot:
         pin.computeJointJacobians(self._model, self._data, self._q_model)
         pin.updateFramePlacements(self._model, self._data)
         self._stamp += 1
+
+    def state(self, q: ArrayLike) -> State:
+        """Return a configuration with its frames and Jacobians, as a value.
+
+        The robot stays where it is.
+
+        Parameters
+        ----------
+        q
+            Configuration (nq,) [rad, m].
+
+        Raises
+        ------
+        InvalidValue
+            For a wrong number of values, or one that is not finite.
+        """
+        return State(self, q)
+
+    def twin(self) -> Robot:
+        """Return kinematics of the same model that move on their own, without shapes."""
+        return Robot(self._model, self.space, self.base_frame, self.limits, self.coupling)
 
     def place(self, q: Vector) -> None:
         """Move every frame to ``q`` (nq,) [rad, m], positions only.

@@ -111,15 +111,15 @@ class Markers:
     def _obstacle(self, stamp: Time, number: int, task: ObstacleTask) -> Marker:
         """Sphere, or for two axes a disc of the links' thickness."""
         center = np.zeros(3)
-        center[task.rows] = task.center
+        center[task.twist_rows] = task.center
         marker = self._marker(stamp, 'obstacle', number, Marker.SPHERE, [], 2.0 * task.radius, RED)
         marker.action = Marker.ADD
         marker.pose.position = _point(center)
-        if len(task.rows) == 2:
+        if len(task.twist_rows) == 2:
             marker.type = Marker.CYLINDER
             marker.scale.z = 0.1 * task.radius
             # The disc is normal to the axis that does not count.
-            axis = ({0, 1, 2} - set(task.rows.tolist())).pop()
+            axis = ({0, 1, 2} - set(task.twist_rows.tolist())).pop()
             if axis < 2:
                 marker.pose.orientation.w = math.sqrt(0.5)
                 setattr(marker.pose.orientation, 'yx'[axis], math.sqrt(0.5))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.explain import Explanation, explanations
+from tp_controller.explanation import Explanation, explanations
 from tp_controller.ros.state_watch import nanoseconds
 from tp_controller.stack import Stack
 from tp_controller.tasks import SetBasedTask, Task

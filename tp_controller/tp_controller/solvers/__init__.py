@@ -8,6 +8,7 @@ from tp_controller.plugins import Registry, check_class
 from tp_controller.solvers.augmented import AugmentedSolver
 from tp_controller.solvers.base import SATURATIONS, Solver
 from tp_controller.solvers.extended_jacobian import ExtendedJacobianSolver
+from tp_controller.solvers.findings import Findings
 from tp_controller.solvers.hqp import HQPSolver
 from tp_controller.solvers.inverses import DEFAULT, INVERSES, Inverse
 from tp_controller.solvers.problem import Bounds, Curvature, Levels, Rows
@@ -61,6 +62,7 @@ __all__ = [
     'Bounds',
     'Curvature',
     'ExtendedJacobianSolver',
+    'Findings',
     'HQPSolver',
     'Inverse',
     'Levels',

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Callable, Sequence
 from itertools import chain
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.objectives import Objective
 from tp_controller.solvers.bounded import BoundedRecursion
+from tp_controller.solvers.findings import Findings
 from tp_controller.solvers.inverses import DEFAULT, ONE_SIDED, Inverse
 from tp_controller.solvers.problem import Bounds, Curvature, Levels, Rows
 
@@ -60,6 +61,8 @@ class Solver(ABC):
     """Name of the solver in parameter files."""
     settles: ClassVar[bool] = False
     """Whether levels that cannot get what they ask for are settled, see `settling`."""
+    one_by_one: ClassVar[bool] = False
+    """Whether levels are resolved one by one, each in the freedom that those above leave."""
     proven: bool = True
     """Whether the last answer is known to be what the scheme promises."""
 
@@ -75,6 +78,7 @@ class Solver(ABC):
         self.objective = objective
         inverse.check('solver')
         self._inverse = inverse.over(DEFAULT)
+        self._joint_weights, self._saturation = joint_weights, saturation
         self._basis = _basis(n, joint_weights)
         self._tolerance = RANK_TOLERANCE * float(np.linalg.norm(self._basis, 2))
         self._groups: Levels = ()
@@ -87,6 +91,35 @@ class Solver(ABC):
     def inverse(self) -> Inverse:
         """How Jacobians are inverted, unless a task has its own way."""
         return self._inverse
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Arguments with which `tp_controller.solve` resolves by the same scheme.
+
+        The objective is missing: `solve` takes its gradient.
+        """
+        return {
+            'scheme': self.type,
+            'inverse': self._inverse.type,
+            'damping': self._inverse.damping,
+            'singular_region': self._inverse.region,
+            'joint_weights': self._joint_weights,
+            'saturation': self._saturation,
+        }
+
+    def findings(self) -> Findings | None:
+        """What is known of the last answer; None unless levels are resolved one by one."""
+        if not self.one_by_one:
+            return None
+        return Findings(
+            self.metric,
+            self.rules,
+            self.shares,
+            self.stops.copy(),
+            self.held.copy(),
+            self.acting.copy(),
+            self.scale,
+        )
 
     @property
     def groups(self) -> Levels:

@@ -57,6 +57,7 @@ class HQPSolver(Solver):
 
     type = 'hqp'
     settles = True
+    one_by_one = True
 
     def arrange(self, levels: Levels) -> Levels:
         """Groups of tasks that are resolved together: every level by itself."""

@@ -14,6 +14,10 @@ from tp_controller.solvers.inverses import Inverse
 Vector = NDArray[np.float64]
 
 
+AT_BOUND = 1e-9
+"""A joint [rad/s, m/s] or a row of unit length this near to its bound is at it."""
+
+
 class Rows(Protocol):
     """What a solver needs to know of a task."""
 
@@ -56,6 +60,18 @@ class Bounds(NamedTuple):
     """Velocities (n,) of the last step, where any joint has such a limit."""
     step: float = math.inf
     """Time [s] of one step."""
+
+    def met(self, qd: Vector) -> NDArray[np.int64]:
+        """-1 for joints (n,) whose velocity is at the lower bound of this step, 1 at the upper."""
+        upper = (qd >= self.soon_upper - AT_BOUND).astype(np.int64)
+        return upper - (qd <= self.soon_lower + AT_BOUND)
+
+    @property
+    def start(self) -> Vector | None:
+        """Velocities (n,) of the last step, zero for joints without a limit of acceleration."""
+        if self.change is None or self.before is None:
+            return None
+        return np.where(np.isfinite(self.change), self.before, 0.0)
 
     @classmethod
     def of_speed(cls, speed: Vector) -> Bounds:

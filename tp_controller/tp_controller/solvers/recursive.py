@@ -24,6 +24,7 @@ class RecursiveSolver(Solver):
 
     type = 'recursive'
     settles = True
+    one_by_one = True
 
     def arrange(self, levels: Levels) -> Levels:
         """Groups of tasks that are inverted together: every level by itself."""

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, plural, shown
 from tp_controller.parameters import NUMBER, NUMBERS, REQUIRED, TEXT, Parameter
-from tp_controller.robot import Limits, Robot
+from tp_controller.problem import Level
+from tp_controller.robot import Limits, Robot, State, moved
+from tp_controller.snapshot import unchanged
 from tp_controller.solvers.inverses import INVERSES, Inverse
 
 if TYPE_CHECKING:
@@ -253,6 +255,54 @@ class Task(ABC):
         if not self.parts:
             raise NotImplementedError(f'{type(self).__name__}: either parts or update')
         self._own_rows().fill()
+
+    @property
+    def memory(self) -> tuple[object, ...]:
+        """Objects whose attributes are all that the task remembers: itself, unless overridden."""
+        return (self,)
+
+    def rows(self, state: State) -> Level:
+        """Return what the task asks for at a state, as a level of a problem.
+
+        An equality task has ``J qd = velocity`` with ``velocity = K error + feedforward``; a task
+        with smooth switching has ``C qd >= least``. Rows that are out are zero. A task without a
+        target takes its value at the state as the target. With hysteresis, whether rows are in
+        also depends on whether they are in now.
+
+        For the time of the call the robot is moved to the state. Afterwards robot and task are as
+        they were before.
+
+        Parameters
+        ----------
+        state
+            A state of the task's robot.
+
+        Returns
+        -------
+        Level
+            Jacobian (k, n) and velocity (k,) [m/s, rad/s], with the task's inverse, its weight
+            and names; the arrays are the caller's own.
+
+        Raises
+        ------
+        InvalidValue
+            If the state is another robot's.
+        """
+        state.check(self.robot)
+        velocity = np.zeros(self.k)
+        with unchanged(*self.memory), moved(self.robot, state.q):
+            if self.target_size and not self._target.size:
+                self.hold()
+            self.update()
+            self.desired_velocity(velocity)
+            J, revision = self.J.copy(), self.revision
+        if revision != self.revision:
+            # What was compiled for that target may not be taken for the next one.
+            self.revision = revision + 1
+        names = tuple(f'{self.name} {component}' for component in self.components)
+        if self.one_sided:
+            return Level(None, None, J, velocity, self.weight, self.inverse, (self.name,), names)
+        return Level(J, velocity, None, None, self.weight, self.inverse, (self.name,), names)
 
     def _own_rows(self) -> CompiledRows:
         if self._rows is None:

@@ -117,6 +117,11 @@ class ClearanceTask(SetBasedTask):
         return near
 
     @property
+    def memory(self) -> tuple[object, ...]:
+        """The task and its clearance, which remembers distances."""
+        return (self, self.clearance)
+
+    @property
     def current(self) -> Vector:
         """Distances (k,) of the last update [m]; a copy."""
         return self.distance.copy()

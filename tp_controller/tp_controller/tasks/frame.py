@@ -85,7 +85,7 @@ class FrameTask(Task):
         if relative_to == frame:
             others = (robot.base_frame, *(other for other in robot.frames if other != frame))
             raise InvalidValue('relative_to', shown(relative_to), f'one of {listed(others)}')
-        self.rows = np.array(rows)
+        self.twist_rows = np.array(rows)
         self._from_base = self.reference is robot.base
         self._own_axes = self.axes is not self.reference
 
@@ -105,7 +105,7 @@ class FrameTask(Task):
 
     def feedforward_from_twist(self, twist: Vector) -> Vector:
         """Task velocity (k,) that a twist (6,) [v; ω] along the task's axes stands for."""
-        return twist[self.rows]
+        return twist[self.twist_rows]
 
     def _part(
         self, kind: int, places: NDArray[np.int64], axis: int = -1, carried: bool = False
@@ -139,7 +139,7 @@ class FrameTask(Task):
         if not np.isfinite(reach).all():
             return np.full(self.k, math.inf)
         linear = float(np.linalg.norm(np.minimum.outer(reach, reach)))
-        return np.where(self.rows < 3, linear, float(2 * self.robot.n))
+        return np.where(self.twist_rows < 3, linear, float(2 * self.robot.n))
 
 
 def _seen_from(robot: Robot, key: str, name: str | None, otherwise: Frame) -> Frame:

@@ -108,11 +108,11 @@ class ObstacleTask(SetBasedTask):
         **settings: Unpack[Common],
     ) -> None:
         self.frame, self.reference = robot.frame(frame), robot.base
-        self.rows = np.array(axis_rows('axes', axes))
+        self.twist_rows = np.array(axis_rows('axes', axes))
         if not 0.0 < radius < math.inf:
             raise InvalidValue('radius', shown(radius), 'a number above 0')
         self.radius = radius
-        self._marked = np.zeros(self.rows.size)
+        self._marked = np.zeros(self.twist_rows.size)
         super().__init__(name, robot, ['distance'], robot.reach(frame)[None], period, switching)
         try:
             self.target = center
@@ -162,12 +162,12 @@ class ObstacleTask(SetBasedTask):
     @property
     def target_components(self) -> tuple[str, ...]:
         """Letters of the axes, for the centre."""
-        return tuple(LABELS[row] for row in self.rows)
+        return tuple(LABELS[row] for row in self.twist_rows)
 
     @property
     def current(self) -> Vector:
         """Present position of the frame per axis [m]; a copy."""
-        return self.frame.position[self.rows]
+        return self.frame.position[self.twist_rows]
 
     @property
     def center(self) -> Vector:
@@ -176,13 +176,13 @@ class ObstacleTask(SetBasedTask):
 
     def target_from_pose(self, position: Vector, rotation: Matrix) -> Vector:
         """Coordinates of the position (3,) along the axes."""
-        return position[self.rows]
+        return position[self.twist_rows]
 
     def measure(self) -> None:
         """Fill the distance from the surface and its derivative."""
         self._compiled.sphere(
             self.frame.position,
-            self.rows,
+            self.twist_rows,
             self._target,
             self.radius,
             self.frame.jacobian,
@@ -192,16 +192,16 @@ class ObstacleTask(SetBasedTask):
 
     def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distance from the surface at the robot's present configuration to ``out``."""
-        way = self.frame.position[self.rows] - self._target
+        way = self.frame.position[self.twist_rows] - self._target
         out[0] = math.sqrt(way @ way) - self.radius
 
     def mark(self) -> None:
         """Keep the position of the frame."""
-        self._marked[:] = self.frame.position[self.rows]
+        self._marked[:] = self.frame.position[self.twist_rows]
 
     def between(self, bend: Vector, out: Vector) -> None:
         """Write a lower bound of the distance since `mark` to ``out``: that of a straight line."""
-        way = self.frame.position[self.rows] - self._marked
+        way = self.frame.position[self.twist_rows] - self._marked
         to = self._target - self._marked
         square = float(way @ way)
         share = min(max(float(to @ way) / square, 0.0), 1.0) if square > 0.0 else 0.0

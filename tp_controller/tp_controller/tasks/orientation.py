@@ -82,7 +82,7 @@ class OrientationTask(FrameTask):
     ) -> None:
         rows = axis_rows('axes', axes, first=3)
         super().__init__(name, robot, frame, rows, relative_to, axes_frame)
-        self._turns = self.rows - 3
+        self._turns = self.twist_rows - 3
         self._axis = int(self._turns[0])
         self._is_heading = self.k == 1 and not self._own_axes
         self._free = ({0, 1, 2} - set(self._turns.tolist())).pop() if self.k == 2 else -1
@@ -163,10 +163,10 @@ class OrientationTask(FrameTask):
     def parts(self) -> tuple[Part, ...]:
         """The angle, the rotation, or the tilt."""
         if self._is_heading:
-            return (self._part(HEADING, self.rows, self._axis),)
+            return (self._part(HEADING, self.twist_rows, self._axis),)
         if self._free >= 0:
-            return (self._part(TILT, self.rows, self._free, self._carried),)
-        return (self._part(ROTATION, self.rows),)
+            return (self._part(TILT, self.twist_rows, self._free, self._carried),)
+        return (self._part(ROTATION, self.twist_rows),)
 
     def part_values(self) -> tuple[Vector, ...]:
         """Angle (1,), or rotation (9,) row by row."""

@@ -68,7 +68,7 @@ class PositionTask(FrameTask):
     ) -> None:
         super().__init__(name, robot, frame, axis_rows('axes', axes), relative_to, axes_frame)
         # Along axes of its own the error needs all of the target.
-        self._targeted = np.arange(3) if self._own_axes else self.rows
+        self._targeted = np.arange(3) if self._own_axes else self.twist_rows
         self.set(settings)
 
     @classmethod
@@ -100,7 +100,7 @@ class PositionTask(FrameTask):
     @property
     def parts(self) -> tuple[Part, ...]:
         """The position of the frame."""
-        return (self._part(POSITION, self.rows),)
+        return (self._part(POSITION, self.twist_rows),)
 
     def part_values(self) -> tuple[Vector, ...]:
         """Target by coordinate, zero for those without."""
