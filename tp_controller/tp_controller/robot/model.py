@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.robot.limits import Limits
 from tp_controller.robot.motions import FIXED
-from tp_controller.robot.reach import Path, crossings, joint_path, path_speeds
+from tp_controller.robot.reach import Crossing, Path, crossings, joint_path, path_speeds
 from tp_controller.robot.response import Response
 from tp_controller.robot.shapes import Shape
 from tp_controller.robot.space import Space
@@ -132,7 +132,6 @@ class Robot:
         later go by it."""
         self._model = model
         self._data = model.createData()
-        self._crossings = crossings(model)
         self.coupling = coupling
         """How the model follows the velocities, None if they are the same."""
         self._q = space.neutral.copy()
@@ -249,6 +248,11 @@ class Robot:
     def bodies(self) -> Mapping[str, tuple[Shape, ...]]:
         """Shapes of the links, see `robot_bodies`; none without a `body_source`."""
         return self.body_source()
+
+    @cached_property
+    def _crossings(self) -> tuple[Crossing, ...]:
+        """Facts about every joint, see `crossings`."""
+        return crossings(self._model)
 
     @property
     def frames(self) -> tuple[str, ...]:

@@ -290,6 +290,8 @@ class Task(ABC):
         """
         state.check(self.robot)
         velocity = np.zeros(self.k)
+        if self.parts:
+            self._own_rows()  # is kept
         with unchanged(*self.memory), moved(self.robot, state.q):
             if self.target_size and not self._target.size:
                 self.hold()
