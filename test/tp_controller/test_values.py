@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from random_stacks import examples
+from random_stacks import (
+    arms,
+    examples,
+    numbers,
+    parameters,
+    planar_arms,
+    positive_vectors,
+    states,
+)
 from value_cases import HIERARCHIES, PERIOD, every_task, near_edges, spatial
 
 from tp_controller import (
@@ -16,6 +24,7 @@ from tp_controller import (
     SafetyFilter,
     Stack,
     UnusableState,
+    build_settings,
     solve,
     solver_of,
 )
@@ -206,6 +215,39 @@ def test_a_stack_answers_its_problem(seed, hierarchy, scheme, inverse, accelerat
         q = q + PERIOD * command
 
 
+@st.composite
+def random_stacks(draw, scheme):
+    """A stack of a random arm with a random hierarchy, joint limits on top, and a state."""
+    robots = arms(min_joints=2, max_joints=7) | planar_arms(min_joints=2)
+    block = draw(parameters(robots=robots, dampings=st.just(0.0) | numbers(0.05, 1)))
+    n = len(block['robot']['joints'])
+    limits = {'velocity': draw(positive_vectors(n, 0.05, 2))}
+    if draw(st.booleans()):
+        limits['acceleration'] = draw(positive_vectors(n, 1, 20))
+    block['robot'] = block['robot'] | {'limits': limits}
+    ends = {'type': 'joint_limits', 'min': [-3.0], 'max': [3.0]}
+    block |= {
+        'rate': 100.0,
+        'hierarchy': ['ends', *block['hierarchy']],
+        'tasks': block['tasks'] | {'ends': ends},
+        'solver': block['solver'] | {'type': scheme, 'settle': False},
+    }
+    return build_settings(block).stack, draw(states(n))
+
+
+@pytest.mark.parametrize('scheme', ['recursive', 'hqp'])
+@given(st.data())
+@examples(80)
+def test_stacks_of_random_arms_answer_their_problems(scheme, data):
+    stack, q = data.draw(random_stacks(scheme))
+    for _ in range(2):
+        answer = solve(stack.problem(q), **stack.solver.settings).velocity
+        command = stack.step(q).command
+        size = max(1.0, float(np.abs(answer).max()))
+        np.testing.assert_allclose(answer, stack.answer, atol=1e-7 * size)
+        q = q + 0.01 * command
+
+
 @given(seeds, st.sampled_from(HIERARCHIES), st.sampled_from(['recursive', 'hqp']))
 @examples(60)
 def test_a_problem_leaves_no_trace_in_the_steps_of_its_stack(seed, hierarchy, scheme):
@@ -221,6 +263,19 @@ def test_a_problem_leaves_no_trace_in_the_steps_of_its_stack(seed, hierarchy, sc
         for one, other in zip(steps[0].levels, steps[1].levels, strict=True):
             np.testing.assert_array_equal(one.requested, other.requested)
         q = q + PERIOD * steps[0].command
+
+
+@given(seeds, st.sampled_from(['weighted', 'augmented']))
+@examples(30)
+def test_tasks_of_one_level_keep_their_weights_in_a_problem(seed, scheme):
+    stack, rng = stack_of(seed, ['tip + ball + elbow', 'posture'], scheme, SMALL, None)
+    for task in stack.tasks.values():
+        task.weight = rng.uniform(0.5, 3.0)
+    stack.prepare_solver()
+    q = near_edges(rng)
+    answer = solve(stack.problem(q), **stack.solver.settings).velocity
+    stack.step(q)
+    np.testing.assert_allclose(answer, stack.answer, atol=1e-7)
 
 
 def test_a_late_arm_is_asked_where_it_gets_to_and_goes_on_as_before():
