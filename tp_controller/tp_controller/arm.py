@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import NO_VALUE, InvalidValue, shown
-from tp_controller.robot.motions import FREE
 from tp_controller.robot.response import Response
 from tp_controller.robot.space import Space
+from tp_controller.winding import widen, wound
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -350,34 +350,10 @@ class Arm:
 
     def _wound(self) -> Vector:
         """Where the arm (nq,) gets to with what was sent, one command after the other."""
-        response, space = self.response, self._space
-        start = space.point(self._anchor, self._p)
-        q = space.integrate(start, response.lag * self._v)
-        m = self._times.size
-        for k in range(m):
-            j = (self._head + 1 + k) % m
-            after = self._times[(j + 1) % m] if j != self._head else self._now
-            begin = np.maximum(self._now - response.delay, self._times[j])
-            span = np.maximum(min(self._now, after) - begin, 0.0)
-            if span.any():
-                q = space.integrate(q, span * self._commands[j])
-        return q
-
-    def _widen(self, way: Vector, tube: Vector) -> None:
-        """Widen the tube (n,) around a way (n,) by what the order of velocities changes of a pose.
-
-        The ways of two twists in one order and in the other differ by their commutator. What is
-        along ``way`` commutes with it.
-        """
-        for block in self._space.blocks:
-            turns = block.kept >= block.positions
-            own = np.arange(block.v.start, block.v.stop)
-            linear, angular = own[~turns], own[turns]
-            off, turned = tube[linear].sum(), tube[angular].sum()
-            v, w = np.abs(way[linear]).sum() + off, np.abs(way[angular]).sum() + turned
-            tube[linear] += v * turned + w * off
-            if block.size == FREE:
-                tube[angular] += 2.0 * w * turned
+        start = self._space.point(self._anchor, self._p)
+        lagging = self._space.integrate(start, self.response.lag * self._v)
+        under_way = self._now, self._times, self._commands, self._head, self.response.delay
+        return wound(self._space, lagging, *under_way)
 
     def keep(self) -> None:
         """Let `undo` lead to the present model."""
@@ -602,7 +578,7 @@ class Arm:
             )
         )
         if moves and self._space.blocks:
-            self._widen(out[1], out[2])
+            widen(self._space, out[1], out[2])
         return moves
 
     def send(self, command: Vector) -> None:
