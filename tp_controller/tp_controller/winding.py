@@ -53,8 +53,8 @@ def widen(space: Space, way: Vector, tube: Vector) -> None:
         turns = block.kept >= block.positions
         own = np.arange(block.v.start, block.v.stop)
         linear, angular = own[~turns], own[turns]
-        off, turned = tube[linear].sum(), tube[angular].sum()
-        v, w = np.abs(way[linear]).sum() + off, np.abs(way[angular]).sum() + turned
+        off, turned = np.linalg.norm(tube[linear]), np.linalg.norm(tube[angular])
+        v, w = np.linalg.norm(way[linear]) + off, np.linalg.norm(way[angular]) + turned
         tube[linear] += v * turned + w * off
         if block.size == FREE:
             tube[angular] += 2.0 * w * turned
