@@ -19,7 +19,7 @@ from tp_controller import (
     Robot,
     Stack,
 )
-from tp_controller.config import read_parameter_file
+from tp_controller.config import build_settings, read_parameter_file
 from tp_controller.errors import InvalidValue, UnusableState
 from tp_controller.parameters import flatten
 from tp_controller.robot import Response
@@ -300,3 +300,31 @@ def test_the_parameters_of_the_page_make_the_robot_of_the_example_file(repositor
     values = read_parameter_file(config / 'mobile_planar.yaml', 'tp_controller')
     for key, value in flatten(yaml.safe_load(text)).items():
         assert values[key] == value, key
+
+
+@pytest.mark.parametrize('kind', ['planar', 'differential'])
+def test_an_extended_jacobian_keeps_the_gradient_of_its_objective_at_zero(config, kind):
+    values = dict(read_parameter_file(config / 'mobile_planar.yaml', 'tp_controller'))
+    values = {key: value for key, value in values.items() if not key.startswith('tasks.post')}
+    values |= {
+        'robot.base': kind,
+        'robot.limits.velocity': [1.0],
+        'robot.limits.acceleration': [4.0],
+        'hierarchy': ['hand_position'],
+        'solver.type': 'extended_jacobian',
+        'solver.objective.type': 'manipulability',
+        'solver.objective.gain': 3.0,
+        'solver.objective.frame': 'link_2',
+        'solver.objective.position_axes': 'xy',
+    }
+    stack = build_settings(values).stack
+    stack.tasks['hand_position'].target = [0.8, 0.5]
+    body = Body(kind, LENGTHS, [0.6, -0.9], foot=0.2)
+    for _ in range(400):
+        body = body.after(stack.step(body.q).command, DT)
+    assert body.hand[:2, 3] == pytest.approx([0.8, 0.5], abs=5e-3)
+    stack.step(body.q)
+    gradient = np.zeros(stack.robot.n)
+    stack.solver.objective.gradient(gradient)
+    free = np.linalg.svd(stack.rows.J)[2][2:]
+    assert free @ gradient == pytest.approx(np.zeros(len(free)), abs=1e-3)

@@ -132,7 +132,8 @@ def test_a_file_needs_no_other_change(case):
     assert np.all(np.abs(result.command) <= stack.robot.limits.velocity)
     assert 0.0 <= result.scale <= 1.0
     if recursive.scale == 1.0:
-        np.testing.assert_array_equal(result.command, recursive.command)
+        # Where a joint is just at its limit the program is solved: to rounding the same.
+        np.testing.assert_allclose(result.command, recursive.command, rtol=1e-12, atol=1e-12)
 
 
 def test_a_set_based_task_that_is_out_changes_nothing():

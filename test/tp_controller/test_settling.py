@@ -141,6 +141,20 @@ def test_second_derivatives_are_those_of_the_jacobians(block, data):
         assert np.all(sizes <= task.bend * (1.0 + 1e-9))
 
 
+@given(parameters(robots=arms(min_joints=2) | planar_arms(min_joints=2), max_levels=3), st.data())
+@examples(40)
+def test_second_derivatives_that_are_known_beforehand_change_no_bit(block, data):
+    """They are filled when they first count, and from then on before the resolution."""
+    stack, other = (build_settings(block).stack for _ in range(2))
+    q = data.draw(states(stack.robot.n))
+    for _ in range(3):
+        if other.solver._set is not None:
+            other.solver._set._needed[0] = 1.0
+        command = stack.step(q).command
+        assert command.tobytes() == other.step(q).command.tobytes()
+        q = q + 0.01 * command
+
+
 def test_settling_adds_nothing_where_every_level_gets_what_it_asks_for(config):
     values = read_parameter_file(config / 'panda.yaml', 'tp_controller')
     values |= {'hierarchy': ['hand_position', 'hand_orientation']}

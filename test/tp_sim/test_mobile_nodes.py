@@ -5,6 +5,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from tp_sim.harness import ClosedLoop, HarnessError
+from tp_sim.stress import run_all
 
 COORDINATES = ['base/x', 'base/y', 'base/yaw', 'joint_1', 'joint_2']
 VELOCITIES = ['base/forward', 'base/yaw', 'joint_1', 'joint_2']
@@ -145,3 +146,15 @@ def test_a_reset_by_names_puts_the_base_somewhere(config):
         loop.reset({'base/x': 0.5, 'base/yaw': 2.0, 'joint_2': 0.3})
         loop.clear_record()
         assert loop.record.q[-1] == pytest.approx([0.5, 0.0, 2.0, 0.6, 0.3], abs=1e-9)
+
+
+def test_a_long_run_of_a_late_and_noisy_base_breaks_no_limit(config):
+    path = config / 'mobile_planar.yaml'
+    plants = {
+        'ideal': {},
+        'late': {'plant.delay': 2, 'plant.lag': [0.03], 'plant.noise': [1e-3]},
+        'lossy': {'plant.delay': 1, 'plant.command_loss': 0.3, 'plant.state_loss': 0.3},
+    }
+    for outcomes in run_all(path, ['recursive'], 2000, 1, plants).values():
+        assert not outcomes['recursive'].broken
+        assert outcomes['recursive'].reached == outcomes['recursive'].goals

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import NO_VALUE, InvalidValue, shown
-from tp_controller.robot.motions import FREE
 from tp_controller.robot.response import Response
 from tp_controller.robot.space import Space
+from tp_controller.winding import widen, wound
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -108,9 +108,10 @@ class Arm:
         self.response, self.period, self.step = response, period, period
         self._timed = math.isfinite(period)
         self._ideal, self._exact = response.ideal, response.exact
+        self._flat, self._turns = not self._space.blocks, any(self._space.wrapping)
         # Where a pose gets to depends on the order of the commands that are under way.
-        self._winds = bool(self._space.blocks) and not self._exact
-        self._late_place = self._space.neutral
+        self._winds = not (self._flat or self._exact)
+        self._late_place: Vector | None = None
         if not (self._ideal or self._timed):
             accepts = 'a number above 0, for robot.delay, lag, noise or hold'
             raise InvalidValue('rate', NO_VALUE, accepts)
@@ -140,7 +141,13 @@ class Arm:
     @property
     def reference(self) -> Vector:
         """Reference configuration (nq,) [rad, m]; overwritten by the next state."""
-        return self._late_place if self._winds else self._space.point(self._anchor, self._z)
+        if self._flat:
+            return self._z
+        if not self._winds:
+            return self._space.point(self._anchor, self._z)
+        if self._late_place is None:
+            self._late_place = self._wound()
+        return self._late_place
 
     @property
     def z(self) -> Vector:
@@ -154,8 +161,10 @@ class Arm:
 
     def configuration(self, positions: Vector) -> Vector:
         """Configuration (nq,) with positions (n,) of the model."""
-        if self._winds and np.array_equal(positions, self._z):
-            return self._late_place
+        if self._flat:
+            return positions
+        if np.array_equal(positions, self._z):
+            return self.reference
         return self._space.point(self._anchor, positions)
 
     @property
@@ -238,19 +247,14 @@ class Arm:
         """
         self.keep()
         self.notice = ''
-        believed = self._take(q, before, elapsed, qd)
-        if self._winds:
-            self._late_place = self._wound()
-        return believed
-
-    def _take(self, q: Vector, before: Vector, elapsed: float | None, qd: Vector | None) -> bool:
-        given, q = q, self._placed(q)
-        if self._space.blocks and not np.isfinite(q).all():
-            self.notice = f'no joint can be at the position {shown(given)}'
-            if self._known and self._timed:
-                self._advance(self._pass(elapsed))
-                self._refer()
-            return False
+        if self._turns or not self._flat:
+            given, q = q, self._placed(q)
+            if not np.isfinite(q).all():
+                self.notice = f'no joint can be at the position {shown(given)}'
+                if self._known and self._timed:
+                    self._advance(self._pass(elapsed))
+                    self._refer()
+                return False
         if not self._known:
             if self._timed and np.max(np.abs(q)) > FARTHEST:
                 self.notice = f'no joint can be at the position {shown(q)}'
@@ -285,10 +289,10 @@ class Arm:
 
         Turns are counted as the model does. A place that no joint can have is infinitely far.
         """
-        space = self._space
+        space, self._late_place = self._space, None
         if self._known:
             q = space.unwrapped(q, self._p)
-        if not space.blocks:
+        if self._flat:
             return q
         x = space.chart(q, q)
         for block in space.blocks:
@@ -345,39 +349,14 @@ class Arm:
         self._now += elapsed
         self._advance(elapsed)
         self._refer()
-        if self._winds:
-            self._late_place = self._wound()
+        self._late_place = None
 
     def _wound(self) -> Vector:
         """Where the arm (nq,) gets to with what was sent, one command after the other."""
-        response, space = self.response, self._space
-        start = space.point(self._anchor, self._p)
-        q = space.integrate(start, response.lag * self._v)
-        m = self._times.size
-        for k in range(m):
-            j = (self._head + 1 + k) % m
-            after = self._times[(j + 1) % m] if j != self._head else self._now
-            begin = np.maximum(self._now - response.delay, self._times[j])
-            span = np.maximum(min(self._now, after) - begin, 0.0)
-            if span.any():
-                q = space.integrate(q, span * self._commands[j])
-        return q
-
-    def _widen(self, way: Vector, tube: Vector) -> None:
-        """Widen the tube (n,) around a way (n,) by what the order of velocities changes of a pose.
-
-        The ways of two twists in one order and in the other differ by their commutator. What is
-        along ``way`` commutes with it.
-        """
-        for block in self._space.blocks:
-            turns = block.kept >= block.positions
-            own = np.arange(block.v.start, block.v.stop)
-            linear, angular = own[~turns], own[turns]
-            off, turned = tube[linear].sum(), tube[angular].sum()
-            v, w = np.abs(way[linear]).sum() + off, np.abs(way[angular]).sum() + turned
-            tube[linear] += v * turned + w * off
-            if block.size == FREE:
-                tube[angular] += 2.0 * w * turned
+        start = self._space.point(self._anchor, self._p)
+        lagging = self._space.integrate(start, self.response.lag * self._v)
+        under_way = self._now, self._times, self._commands, self._head, self.response.delay
+        return wound(self._space, lagging, *under_way)
 
     def keep(self) -> None:
         """Let `undo` lead to the present model."""
@@ -602,7 +581,7 @@ class Arm:
             )
         )
         if moves and self._space.blocks:
-            self._widen(out[1], out[2])
+            widen(self._space, out[1], out[2])
         return moves
 
     def send(self, command: Vector) -> None:

@@ -98,7 +98,8 @@ class OscillationWatch:
         self._stack = stack
         n = stack.robot.n
         self._joints = Reversals(n)
-        self._speed = np.zeros(n)
+        self._speed, self._way = np.zeros((2, n))
+        self._place = stack.robot.neutral
         self._limits: object = None
         self._times = np.zeros(STATES)
         self._commands, self._positions = np.zeros((2, STATES, n))
@@ -131,13 +132,23 @@ class OscillationWatch:
             *self._cause,
         )
 
+    def _unrolled(self, q: Vector) -> Vector:
+        """Positions (n,) of joints, and of poses how far each velocity has led so far."""
+        space = self._stack.robot.space
+        positions = space.positions(q)
+        if space.blocks:
+            self._way += space.difference(self._place, q)
+            self._place[:] = q
+            positions = np.where(space.ranged, positions, self._way)
+        return positions
+
     def see(self, q: Vector, command: Vector, elapsed: float) -> bool:
         """Take a state and the command that answered it.
 
         Parameters
         ----------
         q
-            Measured positions (n,) [rad, m].
+            Measured configuration (nq,) [rad, m].
         command
             Velocities (n,) [rad/s, m/s].
         elapsed
@@ -156,7 +167,8 @@ class OscillationWatch:
         self._now += elapsed
         self._look_at_settings()
         i = self._seen % STATES
-        self._times[i], self._commands[i], self._positions[i] = self._now, command, q
+        self._times[i], self._commands[i] = self._now, command
+        self._positions[i] = self._unrolled(q)
         self._seen += 1
         worst = self._joints.see(command, self._speed, elapsed)
         self._rows.see(self._requested, self._scale, elapsed)

@@ -122,8 +122,8 @@ SHARED: Mapping[str, Parameter] = {
     ),
     LINK_RADIUS: Parameter(
         NUMBERS,
-        'Radius [m] of capsules along the links, one value or one per joint, in place of the '
-        "URDF's collision shapes",
+        'Radius [m] of capsules along the links, one value or one per joint, a base that moves '
+        "first, in place of the URDF's collision shapes",
         above=0.0,
     ),
     'command.type': Parameter(

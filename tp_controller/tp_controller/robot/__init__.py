@@ -4,9 +4,10 @@ from tp_controller.robot.bodies import Bodies, robot_bodies
 from tp_controller.robot.collision import Clearance
 from tp_controller.robot.description import dh_description, same_description
 from tp_controller.robot.dh import DHParameters, dh_robot
+from tp_controller.robot.frames import Coupling, Frame
 from tp_controller.robot.limits import Limits
 from tp_controller.robot.make import clad
-from tp_controller.robot.model import Coupling, Frame, Robot
+from tp_controller.robot.model import Robot
 from tp_controller.robot.motions import BASES
 from tp_controller.robot.pairs import link_pairs, obstacle_clearance, self_clearance
 from tp_controller.robot.response import Response

@@ -17,8 +17,9 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, shown
+from tp_controller.robot.frames import coupled
 from tp_controller.robot.limits import Limits
-from tp_controller.robot.model import Robot, coupled
+from tp_controller.robot.model import Robot
 from tp_controller.robot.motions import BASE, FIXED, FLOATING, SCALAR, WORLD, check_base
 from tp_controller.robot.space import Space
 

@@ -316,8 +316,7 @@ class Cycle:
 
     def _note_oscillation(self, elapsed: float) -> None:
         """Tell of joints that reverse again and again, and that they do no longer."""
-        positions = self._stack.robot.space.positions(self._q)
-        if self._oscillation.see(positions, self._commands.velocity, elapsed):
+        if self._oscillation.see(self._q, self._commands.velocity, elapsed):
             now = time.monotonic()
             if now - self._oscillation_told >= OSCILLATION_PERIOD:
                 self._oscillation_told = now

@@ -74,6 +74,7 @@ class BoundedRecursion:
         self._work = kernel.workspace(n + rows, n)
         self.shares = self._shares[1:]
         self._verdicts = self._work[kernel.VERDICTS][1 : len(starts)]
+        self._needed = self._work[kernel.NEEDED]
         self.scale = 1.0
         self._before, self._still = np.zeros((2, n))
         self._unlimited = np.full(n, np.inf)
@@ -111,8 +112,13 @@ class BoundedRecursion:
         """Write the answer (n,) to ``qd``; parameters and result as `Solver.solve`."""
         n, kernel = self._n, self._kernel
         self._J[n:], self._asked[n:] = J, velocity
-        settling = kernel.SIMPLE if settles and curvature is not None else kernel.PLAIN
         known = curvature or self._flat
+        settling = kernel.PLAIN
+        if settles and curvature is not None:
+            # Second derivatives that counted in the last step will mostly count again.
+            settling = kernel.BENT if self._needed[0] else kernel.SIMPLE
+            if settling == kernel.BENT:
+                known.fill()
         # Rows that a scheme added are no gain terms.
         self._feedforward[n:] = velocity
         self._feedforward[n : n + known.feedforward.size] = known.feedforward

@@ -47,6 +47,8 @@ OUTSIDE = 4
 
 VERDICTS = (10, 9)
 """Row of the workspace that tells what `settle` found last in every level."""
+NEEDED = (10, 10)
+"""Row of the workspace whose first value tells whether second derivatives counted."""
 
 
 @njit(cache=True)
@@ -151,6 +153,7 @@ def _aim(  # type: ignore[no-untyped-def]
     sides, answers = work[4, 0:3], work[6, 0:5]
     present, still = work[7, 3], work[7, 5]
     weights, lost = work[10, 2, : velocity.size], work[10, 3, : velocity.size]
+    needed = work[NEEDED]
     wishes = far = 0.0
     for i in range(k):
         r = int(order[i])
@@ -179,13 +182,13 @@ def _aim(  # type: ignore[no-untyped-def]
                 J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
                 N[:, :n], m, rank, B, U, S, sides[1], still, rule, square, followed, count,
                 work[11], work[12], work[10, 1], weights, work[10, 4, :n], work[13], work[14],
-                work[15], lost, answers[3],
+                work[15], lost, needed, answers[3],
             )  # fmt: skip
             if lasting and found in (NOTHING, LEAVES):
                 result = hasten(
                     J, first, end, hessians, bends, settling == BENT, offset, N[:, :n], m, rank, B,
                     S, lost, count, work[11], work[12], work[10, 1], weights, work[10, 4, :n],
-                    work[13], work[14], answers[3],
+                    work[13], work[14], needed, answers[3],
                 )  # fmt: skip
                 if result == UNKNOWN:
                     return rank, result
@@ -211,7 +214,7 @@ def _aim(  # type: ignore[no-untyped-def]
             J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
             N[:, :n], m, rank, B, U, S, sides[0], present, rule, square, followed, count,
             work[11], work[12], work[10, 1], weights, work[10, 4, :n], work[13], work[14],
-            work[15], lost, answers[0],
+            work[15], lost, needed, answers[0],
         )  # fmt: skip
     return rank, found
 
@@ -384,6 +387,7 @@ def _recur(  # type: ignore[no-untyped-def]
     own_taken, own_rows, own_lengths = work[16], work[17], work[10, 8]
     verdicts = work[VERDICTS]
     verdicts[: starts.size] = NOTHING
+    work[NEEDED] = 0.0
     velocity[:] = asked
     for c in range(n):
         qd[c] = min(max(before[c], low[c]), high[c]) if bounded else 0.0
@@ -699,5 +703,5 @@ def outside(qd, lower, upper):  # type: ignore[no-untyped-def]
 
 def workspace(rows: int, n: int) -> np.ndarray:
     """Space for up to ``rows`` rows in all and n joints."""
-    size = max(rows, n, 9) + n + 1
+    size = max(rows, n, 10) + n + 1
     return np.zeros((18, size, size))

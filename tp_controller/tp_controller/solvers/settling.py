@@ -178,7 +178,7 @@ def _curvature(weights, end, hessians, offset, N, m, raw, out):  # type: ignore[
 def settle(  # type: ignore[no-untyped-def]
     J, order, k, first, end, acts, errors, hessians, bends, known, offset,
     N, m, rank, B, U, S, side, present, rule, square, followed,
-    count, taken, rows, lengths, weights, pull, raw, A, W, lost, answer,
+    count, taken, rows, lengths, weights, pull, raw, A, W, lost, needed, answer,
 ):  # fmt: skip
     """Change a level's answer where it cannot get what it asks for.
 
@@ -203,6 +203,8 @@ def settle(  # type: ignore[no-untyped-def]
         Space to work in.
     lost
         Result: the error (K,) that is lost, to `reserve`.
+    needed
+        Result (1,): 1 where second derivatives count, else left as it is.
     answer
         The level's answer (m,), to be changed.
 
@@ -246,13 +248,15 @@ def settle(  # type: ignore[no-untyped-def]
     if not (near or leaves):
         return NOTHING
     _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull)
-    if not known:
-        bound = 0.0
-        for r in range(offset, end):
-            bound += abs(weights[r]) * bends[r - offset]
-        if bound > (FREE * mean if dropped or leaves else LOST * least * least):
-            return UNKNOWN
+    # The same with and without second derivatives: where bounds on them are enough, these count.
+    bound = 0.0
+    for r in range(offset, end):
+        bound += abs(weights[r]) * bends[r - offset]
+    if bound <= (FREE * mean if dropped or leaves else LOST * least * least):
         return NOTHING
+    needed[0] = 1.0
+    if not known:
+        return UNKNOWN
     # How far each direction is lost: not at all up to a curvature of LOST s².
     _curvature(weights, end, hessians, offset, N, m, raw, A)
     most = 0.0
@@ -332,7 +336,7 @@ def settle(  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def hasten(  # type: ignore[no-untyped-def]
     J, first, end, hessians, bends, known, offset, N, m, rank, B, S, lost, count, taken, rows,
-    lengths, weights, pull, raw, A, answer,
+    lengths, weights, pull, raw, A, needed, answer,
 ):  # fmt: skip
     """Lengthen a level's answer (m,) along directions that it has and in which it loses less.
 
@@ -354,6 +358,7 @@ def hasten(  # type: ignore[no-untyped-def]
         least = min(least, S[i])
     if own <= SLOW * least * least:
         return NOTHING
+    needed[0] = 1.0
     if not known:
         return UNKNOWN
     weights[:] = 0.0

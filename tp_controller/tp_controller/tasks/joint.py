@@ -53,7 +53,7 @@ class JointTask(Task):
 
     type = 'joint'
     parameters: ClassVar[Mapping[str, Parameter]] = {
-        'joints': Parameter(TEXTS, 'Controlled joints', default=REQUIRED)
+        'joints': Parameter(TEXTS, 'Controlled joints, or coordinates of a base', default=REQUIRED)
     }
     target_words = 'position per joint [rad, m]'
 

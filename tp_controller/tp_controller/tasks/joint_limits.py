@@ -52,7 +52,10 @@ class JointLimitsTask(SetBasedTask):
 
     type = 'joint_limits'
     parameters: ClassVar[Mapping[str, Parameter]] = {
-        'joints': Parameter(TEXTS, 'Joints to be kept in range; all of them when left out'),
+        'joints': Parameter(
+            TEXTS,
+            'Joints, or coordinates of a base, to be kept in range; all joints when left out',
+        ),
         'min': Parameter(
             NUMBERS,
             'Lower end of the range [rad, m], one value or one per joint; the limit of the robot '
