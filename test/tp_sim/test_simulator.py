@@ -80,7 +80,8 @@ def test_real_time_states_come_at_the_rate_and_stand_still_without_commands(lone
     simulator.next_states()
     states = simulator.next_states(100)
     stamps = np.array([s.header.stamp.sec + 1e-9 * s.header.stamp.nanosec for s in states])
-    assert np.mean(np.diff(stamps)) == pytest.approx(0.01, rel=0.1)
+    # A busy machine may miss some, which the median does not see.
+    assert np.median(np.diff(stamps)) == pytest.approx(0.01, rel=0.1)
     assert all(list(s.position) == START and not any(s.velocity) for s in states)
     assert states[0].name == JOINTS
     assert states[0].header.frame_id == 'base'
