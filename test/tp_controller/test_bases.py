@@ -86,7 +86,7 @@ def test_a_floating_base_has_no_attitude_that_it_cannot_turn_through(turns):
 
 @pytest.mark.parametrize('kind', BASES)
 @given(seed=seeds)
-@settings(max_examples=6)
+@settings(max_examples=3)
 def test_the_hand_reaches_goals_around_it(kind, seed):
     rng = np.random.default_rng(seed)
     robot = mobile(kind)
@@ -99,7 +99,7 @@ def test_the_hand_reaches_goals_around_it(kind, seed):
 
 @pytest.mark.parametrize('kind', BASES)
 @given(seed=seeds)
-@settings(max_examples=8)
+@settings(max_examples=4)
 def test_the_hand_and_the_base_stay_out_of_circles_between_samples_too(kind, seed):
     rng = np.random.default_rng(seed)
     robot = mobile(kind, velocity=1.5, acceleration=3.0)
