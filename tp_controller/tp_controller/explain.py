@@ -74,7 +74,8 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
     Returns
     -------
     tuple
-        One entry per level; none with a solver that does not resolve levels one by one.
+        One entry per level; none with a solver that does not resolve levels one by one, or
+        while the stack is `Stack.resting`.
     """
     return tuple(explanations(stack))
 
@@ -82,7 +83,7 @@ def explain(stack: Stack) -> tuple[Explanation, ...]:
 def explanations(stack: Stack) -> Iterator[Explanation]:
     """Explain the last step as `explain`, one level at a time; further steps do not matter."""
     solver = stack.solver
-    if not isinstance(solver, RecursiveSolver | HQPSolver):
+    if stack.resting or not isinstance(solver, RecursiveSolver | HQPSolver):
         return
     # Loaded by the solver already; at the top it would be loaded to refuse a parameter file.
     from tp_controller.solvers.directions import STILL

@@ -15,8 +15,11 @@ from tp_controller.config.changes import check_changes
 from tp_controller.config.files import read_blocks, read_parameter_file, read_task
 from tp_controller.config.schema import (
     HOLD,
+    PRESENT,
+    RESUME,
     SHARED,
     START,
+    TARGETS,
     controller_schema,
     robot_source,
     shared_schema,
@@ -24,8 +27,11 @@ from tp_controller.config.schema import (
 
 __all__ = [
     'HOLD',
+    'PRESENT',
+    'RESUME',
     'SHARED',
     'START',
+    'TARGETS',
     'Settings',
     'arm_joints',
     'build_addition',
