@@ -9,8 +9,12 @@ from hypothesis import strategies as st
 from random_stacks import arms, examples, numbers, parameters, states
 
 from tp_controller import build_settings, read_parameter_file
+from tp_controller.config import check_changes, controller_schema
 from tp_controller.explain import explain
+from tp_controller.oscillation import OscillationWatch
+from tp_controller.parameters import flatten
 from tp_controller.robot import Limits
+from tp_controller.solvers import SOLVER_TYPES
 from tp_sim.integrator import Integrator
 from tp_sim.plant import Plant, PlantSettings
 
@@ -18,6 +22,8 @@ CONFIG = Path(__file__).parents[2] / 'config'
 RATE = 100.0
 PERIOD = 1.0 / RATE
 START = [0.0, 0.785, 0.785]
+NEED_OBJECTIVE = ('extended_jacobian', 'projected_gradient')
+
 seeds = st.integers(0, 10_000)
 
 
@@ -228,3 +234,69 @@ def test_what_is_held_is_told_by_its_errors_and_explains_nothing():
     run.stack.resume()
     run.stack.resume()
     assert not run.stack.held
+
+
+# An empty hierarchy
+
+
+@given(moving_arms(), st.integers(1, 60))
+@examples(40)
+def test_without_a_level_the_arm_comes_to_rest_and_goes_on_with_the_next(case, steps):
+    run = Run(*case)
+    run.step(steps)
+    before = run.stack.hierarchy
+    run.stack.hierarchy = []
+    assert run.stack.hierarchy == ()
+    run.step(run.braking_steps())
+    assert not run.before.any()
+    result = run.stack.step(run.q)
+    assert (result.levels, result.scale) == ((), 1.0)
+    assert explain(run.stack) == ()
+    assert run.stack.systems() == []
+    assert run.stack.solver.acting.shape == (0,)
+    assert run.stack.at_rest
+    run.stack.hierarchy = before
+    assert not run.stack.resting
+    other = Run(case[0], run.q)
+    np.testing.assert_allclose(run.step(), other.step(), atol=1e-9)
+
+
+@pytest.mark.parametrize('scheme', sorted(SOLVER_TYPES))
+@pytest.mark.parametrize('empty', [[], ['']])
+def test_every_scheme_can_start_without_a_level(scheme, empty):
+    values = read_parameter_file(CONFIG / 'a4_position_joint.yaml', 'tp_controller')
+    objective = {'solver.objective.type': 'joint_range'} if scheme in NEED_OBJECTIVE else {}
+    ranges = {'robot.limits.position_min': [-3.0], 'robot.limits.position_max': [3.0]}
+    values = flatten(values) | objective | ranges
+    run = Run(values | {'solver.type': scheme, 'hierarchy': empty}, START)
+    watch = OscillationWatch(run.stack)
+    for hierarchy in (empty, ['ee_position'], empty):
+        run.stack.hierarchy = hierarchy
+        for _ in range(3):
+            assert not watch.see(run.q, run.step(), run.stack.safety_filter.period)
+        assert run.before.any() == (hierarchy is not empty)
+
+
+def test_an_empty_hierarchy_is_a_change_like_others():
+    values = read_parameter_file(CONFIG / 'b1_obstacles.yaml', 'tp_controller')
+    settings = build_settings(values)
+    schema = controller_schema(settings.values)
+    warnings = check_changes(settings, schema, {'hierarchy': ['']})()
+    assert 'obstacle_1 leaves the hierarchy' in warnings[0]
+    assert settings.stack.hierarchy == ()
+    check_changes(settings, schema, {'solver.damping': 0.3})()
+    check_changes(settings, schema, {'hierarchy': ['obstacle_1']})()
+    assert settings.stack.hierarchy == ('obstacle_1',)
+
+
+def test_set_based_tasks_alone_move_an_arm_that_is_too_near():
+    values = read_parameter_file(CONFIG / 'b1_obstacles.yaml', 'tp_controller')
+    run = Run(values | {'hierarchy': ['obstacle_1']}, START)
+    task = run.stack.tasks['obstacle_1']
+    run.step(5)
+    assert not run.before.any()
+    x, y, _ = run.stack.robot.frame('link_3').position
+    task.target = [x + 0.3, y]
+    assert run.step().any()
+    run.step(600)
+    assert task.distance.min() >= 0.0

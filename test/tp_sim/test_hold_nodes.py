@@ -45,7 +45,7 @@ def moving(loop):
     return loop
 
 
-def changes(loop):
+def changes_of(loop):
     """Largest change of the command in one step, as a share of what the limit allows."""
     command = loop.record.qd
     return np.abs(np.diff(command, axis=0)).max() * RATE / LIMIT
@@ -75,7 +75,7 @@ def test_a_hold_brakes_inside_the_limit_says_so_and_goes_on_in_place(moving):
     assert not moving.state.held
     assert 'held' not in moving.state.message
     assert moving.state.position == pytest.approx(place, abs=1e-9)
-    assert changes(moving) <= 1.0 + 1e-9
+    assert changes_of(moving) <= 1.0 + 1e-9
 
 
 def test_the_log_has_a_line_at_hold_at_rest_and_at_resume(moving):
@@ -114,7 +114,7 @@ def test_a_goal_that_comes_meanwhile_moves_nothing_and_counts_afterwards(moving)
     assert moving.client.task('ee_position').desired == pytest.approx([1.2, 0.4])
     assert moving.client.task('ee_position').error_norm < 1e-3
     moving.set_parameters({'tasks.ee_position.gain': [1.0]})
-    assert changes(moving) <= 1.0 + 1e-9
+    assert changes_of(moving) <= 1.0 + 1e-9
 
 
 def test_with_the_old_targets_the_arm_goes_on_to_its_goal(moving):
@@ -125,7 +125,7 @@ def test_with_the_old_targets_the_arm_goes_on_to_its_goal(moving):
     moving.run(12.0)
     assert moving.client.task('ee_position').desired == pytest.approx([1.0, -0.5])
     assert moving.client.task('ee_position').error_norm < 1e-3
-    assert changes(moving) <= 1.0 + 1e-9
+    assert changes_of(moving) <= 1.0 + 1e-9
     with pytest.raises(GoalRejected, match="resume: got 'now'; accepts one of present, targets"):
         moving.set_parameters({'resume': 'now'})
 
@@ -181,7 +181,7 @@ def test_a_late_arm_is_held_too(config):
         place = np.array(loop.state.position)
         loop.run(1.0)
         assert loop.state.position == pytest.approx(place, abs=1e-4)
-        assert changes(loop) <= 1.0 + 1e-9
+        assert changes_of(loop) <= 1.0 + 1e-9
 
 
 def test_a_hold_from_before_the_first_state_lasts_through_pauses(lone_controller):
@@ -201,3 +201,25 @@ def test_a_hold_from_before_the_first_state_lasts_through_pauses(lone_controller
     client.send_goal('ee_position', [1.0, -0.5])
     assert np.any(controller.ask(START))
     assert not any(any(command.velocity) for command in controller.commands[:-1])
+
+
+def test_an_empty_hierarchy_means_rest_at_start_and_later(config):
+    changes = {'/**': SHARED, 'tp_controller': PATIENT | {'hierarchy': ['']}}
+    with ClosedLoop(config / 'a4_position_joint.yaml', changes) as loop:
+        loop.clear_record()
+        loop.run(0.5)
+        assert loop.state.status == ControllerState.RUNNING
+        assert loop.state.message == 'no task in the hierarchy: at rest'
+        assert list(loop.state.position) == START
+        loop.set_parameters({'hierarchy': ['ee_position']})
+        loop.send_goal('ee_position', [1.0, -0.5])
+        loop.run(0.5)
+        assert loop.state.message == ''
+        assert np.abs(loop.state.command).max() > 0.2
+        loop.set_parameters({'hierarchy': ['']})
+        loop.step(1)
+        assert loop.state.message == 'no task in the hierarchy: braking'
+        loop.run(1.0)
+        assert loop.state.message == 'no task in the hierarchy: at rest'
+        assert not np.any(loop.state.command)
+        assert changes_of(loop) <= 1.0 + 1e-9

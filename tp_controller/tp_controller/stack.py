@@ -92,7 +92,8 @@ class Stack:
     robot
         The robot that carries the tasks out.
     levels
-        Tasks by level, highest priority first: one task or several that share the level.
+        Tasks by level, highest priority first: one task or several that share the level. Without
+        any the arm rests.
     solver
         Resolves the levels: a solver, or the name of a scheme with its default settings.
     rate
@@ -108,8 +109,8 @@ class Stack:
     Raises
     ------
     InvalidValue
-        If there is no level, a task stands twice, two have one name, one is another robot's or
-        not made for this rate, or there is no such scheme; as `SafetyFilter` and `Solver.check`.
+        If a task stands twice, two have one name, one is another robot's or not made for this
+        rate, or there is no such scheme; as `SafetyFilter` and `Solver.check`.
     """
 
     def __init__(
@@ -263,8 +264,8 @@ class Stack:
 
     @property
     def resting(self) -> bool:
-        """Whether steps bring the arm to rest whatever the tasks ask for: it is `held`."""
-        return self.held
+        """Whether steps bring the arm to rest: it is `held`, or there is no level."""
+        return self.held or not self._members
 
     @property
     def at_rest(self) -> bool:
@@ -354,13 +355,13 @@ class Stack:
         Raises
         ------
         InvalidValue
-            If there is no level, a name is unknown, a task stands twice or the solver
-            cannot resolve the levels.
+            If a name is unknown, a task stands twice or the solver cannot resolve the levels.
         """
         tasks = self.tasks if tasks is None else tasks
         levels = split_hierarchy(hierarchy, tasks)
         members = [[tasks[name] for name in names] for names in levels]
-        self.solver.check(members, damping)
+        if members:
+            self.solver.check(members, damping)
         return members
 
     def systems(self) -> list[System]:
@@ -492,7 +493,8 @@ class Stack:
 
     def _answer_with_braking(self) -> Step:
         """Answer the state that was taken with braking."""
-        self._fill()
+        if self._members:
+            self._fill()
         self._unaimed, self._just_aimed = [], []
         self._wish[:] = 0.0
         self.safety_filter.brake(self._qd)
@@ -621,19 +623,20 @@ def split_hierarchy(hierarchy: Sequence[str], known: Collection[str]) -> list[li
     Parameters
     ----------
     hierarchy
-        Task names by level; ``a + b`` puts two on one level.
+        Task names by level; ``a + b`` puts two on one level. One empty name alone means none:
+        ROS parameter files know no empty list of texts.
     known
         Names of all tasks.
 
     Raises
     ------
     InvalidValue
-        If there is no level, a name is unknown or a task stands twice.
+        If a name is unknown or a task stands twice.
     """
     levels = [[name.strip() for name in level.split('+')] for level in hierarchy]
     accepts = f'names out of {listed(known)}, joined by + on one level'
-    if not levels:
-        raise InvalidValue('hierarchy', 'no level', accepts)
+    if levels == [['']]:
+        return []
     seen: set[str] = set()
     for name in (name for names in levels for name in names):
         if name not in known:

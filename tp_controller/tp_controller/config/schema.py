@@ -221,7 +221,8 @@ CONTROLLER: Mapping[str, Parameter] = {
     ),
     'hierarchy': Parameter(
         TEXTS,
-        'Task names, highest priority first; "a + b" puts two on one level',
+        'Task names, highest priority first; "a + b" puts two on one level; [""] for none: the '
+        'arm rests',
         default=REQUIRED,
         runtime=True,
     ),

@@ -169,7 +169,7 @@ class ControllerNode(RobotNode):
         return True
 
     def _levels(self) -> str:
-        return ', '.join(self._stack.hierarchy)
+        return ', '.join(self._stack.hierarchy) or 'none, the arm rests'
 
     def _log_warning(self, line: str) -> None:
         self.log.warning(line)

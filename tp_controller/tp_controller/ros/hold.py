@@ -11,6 +11,7 @@ from tp_controller.config import RESUME, TARGETS, Settings
 from tp_controller.ros.log import Log
 
 HELD = 'held by ~/hold'
+EMPTY = 'no task in the hierarchy'
 
 
 class Hold:
@@ -39,9 +40,10 @@ class Hold:
     @property
     def message(self) -> str:
         """Why the arm is brought to rest and kept there; empty if it is not."""
-        if not self._stack.held:
+        if not self._stack.resting:
             return ''
-        return f'{HELD}: {"at rest" if self._stack.at_rest else "braking"}'
+        cause = HELD if self._stack.held else EMPTY
+        return f'{cause}: {"at rest" if self._stack.at_rest else "braking"}'
 
     def look(self) -> None:
         """Take note that the arm has come to rest; to be called after every command."""
