@@ -95,7 +95,7 @@ def test_present_values_become_targets_and_nothing_moves_until_a_goal_comes(case
     assert np.abs(run.step(5)).max() < 1e-9
 
 
-@given(moving_arms(('recursive',)), st.integers(1, 40))
+@given(moving_arms(), st.integers(1, 40))
 @examples(60)
 def test_with_the_old_targets_the_arm_goes_on_as_one_that_starts_there(case, steps):
     run = Run(*case)
@@ -234,6 +234,29 @@ def test_what_is_held_is_told_by_its_errors_and_explains_nothing():
     run.stack.resume()
     run.stack.resume()
     assert not run.stack.held
+
+
+@given(seeds)
+@examples(15)
+def test_whatever_is_asked_for_in_whatever_order_changes_stay_within_the_limit(seed):
+    run = Run(read_parameter_file(CONFIG / 'b3_pressed.yaml', 'tp_controller'), START)
+    stack, rng = run.stack, np.random.default_rng(seed)
+    names = list(stack.tasks)
+    for _ in range(60):
+        wish = rng.integers(5)
+        if wish == 0:
+            stack.hold()
+        elif wish == 1:
+            stack.resume(bool(rng.integers(2)))
+        elif wish == 2:
+            stack.hierarchy = [name for name in names if rng.integers(2)]
+        elif wish == 3:
+            stack.tasks['ee_position'].target = rng.uniform(-1.8, 1.8, 2)
+        else:
+            stack.tasks['ee_position'].gain = rng.uniform(0.5, 10.0)
+        run.step(rng.integers(1, 8))
+        assert np.all(run.q >= stack.robot.limits.position_min)
+        assert np.all(run.q <= stack.robot.limits.position_max)
 
 
 # An empty hierarchy
