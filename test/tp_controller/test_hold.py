@@ -134,6 +134,8 @@ def test_distances_and_ranges_hold_while_the_arm_is_held_anywhere(name, seed):
             assert min(task.distance.min() for task in tasks) >= 0.0
         run.stack.hold()
         for _ in range(20):
+            # The braking trajectory that was found safe goes on.
+            run.stack.hierarchy = run.stack.hierarchy
             run.step()
             assert min(task.distance.min() for task in tasks) >= 0.0
         assert not run.before.any()
@@ -323,3 +325,24 @@ def test_set_based_tasks_alone_move_an_arm_that_is_too_near():
     assert run.step().any()
     run.step(600)
     assert task.distance.min() >= 0.0
+
+
+def test_a_new_hierarchy_leaves_the_braking_trajectory_as_it_is():
+    runs = [
+        Run(read_parameter_file(CONFIG / 'b3_pressed.yaml', 'tp_controller'), START)
+        for _ in range(2)
+    ]
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        goal, steps = rng.uniform(-1.8, 1.8, 2), rng.integers(5, 80)
+        for run in runs:
+            run.stack.tasks['ee_position'].target = goal
+            run.stack.tasks['ee_position'].gain = 5.0
+            run.step(steps)
+            run.stack.hold()
+        # Where the joints cannot stop together each stops as hard as it can.
+        for _ in range(20):
+            runs[1].stack.hierarchy = runs[1].stack.hierarchy
+            assert np.array_equal(runs[0].step(), runs[1].step())
+        for run in runs:
+            run.stack.resume(targets=True)
