@@ -30,7 +30,7 @@ GOOD = {
 }
 
 BAD = [
-    ({'hierarchy': []}, 'hierarchy', 'no level'),
+    ({'hierarchy': ['', 'tip']}, 'hierarchy', "''"),
     ({'hierarchy': ['nose']}, 'hierarchy', "'nose'"),
     ({'hierarchy': ['tip', 'tip']}, 'hierarchy', "'tip' twice"),
     ({'hierarchy': None}, 'hierarchy', 'a list of texts'),

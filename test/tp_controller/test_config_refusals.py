@@ -137,7 +137,7 @@ TABLE = [
     ({'tasks.spare.target': [1.0]}, 'tasks.spare.target', ['1 value', 'quaternion x y z w']),
     ({'tasks.place.target': [1.0] * 2}, 'tasks.place.target', ['2 values', '3 values', 'angle']),
     ({'tasks.elbow.target': [1.0] * 2}, 'tasks.elbow.target', ['2 values', '1 value']),
-    ({'hierarchy': []}, 'hierarchy', ['no level', 'tip, turn, place']),
+    ({'hierarchy': ['', 'tip']}, 'hierarchy', ["''", 'tip, turn, place']),
     ({'hierarchy': ['tip', 'nose']}, 'hierarchy', ["'nose'", 'tip, turn, place']),
     ({'hierarchy': ['tip', 'tip']}, 'hierarchy', ["'tip' twice", 'every task once']),
     ({'hierarchy': ['tip + turn', 'turn']}, 'hierarchy', ["'turn' twice", 'every task once']),

@@ -144,7 +144,6 @@ def test_a_robot_of_a_urdf_knows_its_limits_and_the_shapes_of_its_links():
         (lambda: Robot.from_dh(LINKS, limits={'speed': 1.0}), "got 'speed'; accepts some of vel"),
         (lambda: Robot.from_dh(LINKS, d=[0.0]), '3'),
         (lambda: Robot.from_urdf('/no/such.urdf'), '/no/such.urdf'),
-        (lambda: Stack(planar(), []), 'no level'),
         (lambda: Stack(planar(), [PostureTask('p', planar())]), 'another robot'),
         (lambda: Stack(planar(), [], rate=0.0), 'rate'),
         (lambda: PostureTask('p', planar(), gain=-1.0), 'gain'),

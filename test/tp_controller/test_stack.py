@@ -198,7 +198,7 @@ def test_what_a_step_in_place_hands_out_cannot_be_written():
 @pytest.mark.parametrize(
     ('hierarchy', 'fragments'),
     [
-        ([], ['no level', 'tip, first, spare']),
+        (['', ''], ["''", 'tip, first, spare']),
         (['elbow'], ["'elbow'", 'tip, first, spare']),
         (['tip', ''], ["''", 'tip, first, spare']),
         (['tip + '], ["''", 'joined by +']),

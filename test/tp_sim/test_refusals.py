@@ -38,7 +38,7 @@ CONTROLLER = [
     ({'tp_controller': {'hierarchy': ['ee_position'] * 2}}, 'hierarchy', 'twice', 'once'),
     ({'tp_controller': {'hierarchy': ['hand']}}, 'hierarchy', "'hand'", 'ee_position'),
     ({'tp_controller': {'hierarchy': None}}, 'hierarchy', 'no value', 'a list of texts'),
-    ({'tp_controller': {'hierarchy': []}}, 'hierarchy', 'an empty list', 'at least one value'),
+    ({'tp_controller': {'hierarchy': []}}, 'hierarchy', 'an empty list', '[""] for no task'),
     ({'tp_controller': {'solver': {'damping': -1.0}}}, 'solver.damping', '-1.0', 'at least 0'),
     ({'tp_controller': {'solver': {'damping': True}}}, 'solver.damping', 'True', 'a number'),
     ({'tp_controller': {'slver': {'damping': 0.1}}}, 'slver.damping', 'unknown', 'solver.damping'),

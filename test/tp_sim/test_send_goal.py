@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from spare_tasks import SPARE_TASKS
+from std_srvs.srv import SetBool
 
 from tp_sim.harness import ClosedLoop, NodeProcess
 
@@ -90,3 +91,14 @@ def test_words_for_numbers_are_refused(loop):
     status, output = send_goal(loop, 'ee_position', 'left', '1')
     assert status == 2
     assert "invalid float value: 'left'" in output
+
+
+def test_a_goal_for_an_arm_that_is_held_is_accepted_and_that_is_said(loop):
+    for held in (True, False):
+        request = SetBool.Request(data=held)
+        assert loop.client.call(SetBool, 'tp_controller/hold', request).success
+        loop.step(1)
+        status, output = send_goal(loop, 'ee_position', '1.1', '0.2')
+        assert status == 0, output
+        note = ' (held: it counts once ~/hold is called with false)' if held else ''
+        assert output == f'ee_position: accepted, desired 1.1 0.2{note}'

@@ -133,11 +133,20 @@ def test_what_cannot_be_removed_is_refused(loop):
     response = remove(loop, 'cube')
     assert not response.success
     assert response.message.startswith("name: got 'cube'; accepts one of obstacle_1")
-    loop.set_parameters({'hierarchy': ['ee_position']})
-    response = remove(loop, 'ee_position')
-    assert 'the only task of the hierarchy' in response.message
-    loop.set_parameters({'hierarchy': ['obstacle_1', 'ee_position']})
-    assert 'ee_position' in names(loop)
+
+
+def test_without_its_last_task_the_hierarchy_is_empty_and_takes_another_one(loop):
+    before = hierarchy(loop)
+    loop.set_parameters({'hierarchy': ['']})
+    assert add(loop).success
+    loop.step(1)
+    assert hierarchy(loop) == ['ball']
+    assert 'no task' not in loop.state.message
+    assert remove(loop).success
+    loop.step(1)
+    assert hierarchy(loop) == ['']
+    assert loop.state.message.startswith('no task in the hierarchy: at rest')
+    loop.set_parameters({'hierarchy': before})
 
 
 def test_what_makes_the_arm_less_safe_is_a_warning(loop):

@@ -18,6 +18,8 @@ from tp_controller.winding import widen, wound
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
+SETTLED = 1e-4
+"""Way [rad, m] that is left of earlier commands when the arm counts as standing still."""
 SAME = 1e-6
 """Times [steps] that differ by less than this are the same."""
 FALLING = 0.5
@@ -166,6 +168,11 @@ class Arm:
         if np.array_equal(positions, self._z):
             return self.reference
         return self._space.point(self._anchor, positions)
+
+    @property
+    def settled(self) -> bool:
+        """Whether the arm is where all commands until now take it to, by the model."""
+        return not self._timed or bool(np.max(np.abs(self._z - self._p)) <= SETTLED)
 
     @property
     def parted(self) -> Vector:

@@ -162,14 +162,17 @@ def explain(
 
 
 def explain_step(stack: Stack) -> tuple[Explanation, ...]:
-    """Explain the last step of a stack as `explain`, the safety filter included."""
+    """Explain the last step of a stack as `explain`, the safety filter included.
+
+    There is nothing to explain while the stack is `Stack.resting`.
+    """
     return tuple(explanations(stack))
 
 
 def explanations(stack: Stack) -> Iterator[Explanation]:
     """Explain the last step of a stack, one level at a time; further steps do not matter."""
     solver = stack.solver
-    findings = solver.findings()
+    findings = None if stack.resting else solver.findings()
     if findings is None:
         return
     levels = [

@@ -74,6 +74,7 @@ class SafetyFilter:
         self._bounds = Bounds.of_speed(robot.limits.velocity)
         self.arm = Arm(robot.joints, robot.response, period, robot.space)
         self._late = not robot.response.ideal
+        self._ahead = Lookahead(robot, self.arm, ())
         self.watch(())
         self.check_limits(robot.limits)
 
@@ -96,7 +97,11 @@ class SafetyFilter:
         """Look at the distances of these tasks from now on."""
         self.stopped_by: tuple[str, ...] = ()
         tasks = tasks if math.isfinite(self.period) else ()
+        together = self._ahead.together
         self._ahead = Lookahead(self._robot, self.arm, tasks)
+        # A braking trajectory that is under way goes on as it was found safe.
+        self._ahead.together = together
+        self._ahead.keep()
 
     @property
     def memory(self) -> tuple[object, ...]:

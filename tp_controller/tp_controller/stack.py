@@ -94,7 +94,8 @@ class Stack:
     robot
         The robot that carries the tasks out.
     levels
-        Tasks by level, highest priority first: one task or several that share the level.
+        Tasks by level, highest priority first: one task or several that share the level. Without
+        any the arm rests.
     solver
         Resolves the levels: a solver, or the name of a scheme with its default settings.
     rate
@@ -110,8 +111,8 @@ class Stack:
     Raises
     ------
     InvalidValue
-        If there is no level, a task stands twice, two have one name, one is another robot's or
-        not made for this rate, or there is no such scheme; as `SafetyFilter` and `Solver.check`.
+        If a task stands twice, two have one name, one is another robot's or not made for this
+        rate, or there is no such scheme; as `SafetyFilter` and `Solver.check`.
     """
 
     def __init__(
@@ -132,7 +133,8 @@ class Stack:
         self.solver = solver_of(solver, robot.n) if isinstance(solver, str) else solver
         self.tasks = named_tasks(robot, chain(tasks, *members), period)
         self._unaimed = [task for task in self.tasks.values() if task.target_size]
-        self._held: list[Task] = []
+        self._just_aimed: list[Task] = []
+        self._targets: dict[str, Vector] | None = None
         self.safety_filter = SafetyFilter(robot, period)
         self._qd, self._wish, self._fastest = np.zeros((3, robot.n))
         self._command = _read_only(self._qd)
@@ -216,14 +218,61 @@ class Stack:
     def _level_rows(self, tasks: Sequence[Task]) -> slice:
         return slice(self._rows[tasks[0].name].start, self._rows[tasks[-1].name].stop)
 
-    def hold(self) -> None:
-        """Let the tasks of the hierarchy take their values at the first step as targets.
+    def forget_targets(self, known: Mapping[str, Vector] | None = None) -> None:
+        """Let the tasks of the hierarchy take their values at the next step as targets.
 
-        Obstacles stay where they are. To be called before the first step.
+        Obstacles stay where they are.
+
+        Parameters
+        ----------
+        known
+            Targets by name, as `Task.settings` has them; tasks that have another one by now
+            keep it. When left out none does.
         """
         for task in self._ranked:
-            if not task.set_based and task.target_size:
+            if task.set_based or not task.target_size:
+                continue
+            if known is None or task.settings[0] is known.get(task.name):
                 task.forget_target()
+                if task not in self._unaimed:
+                    self._unaimed.append(task)
+
+    @property
+    def held(self) -> bool:
+        """Whether `hold` keeps the arm at rest."""
+        return self._targets is not None
+
+    def hold(self) -> None:
+        """Bring the arm to rest inside its limits from the next step on, and keep it there.
+
+        Every step then answers with the next command of the braking trajectory, and with zero
+        once that has ended. Targets, settings, limits and the hierarchy may change meanwhile.
+        """
+        if self._targets is None:
+            self._targets = {name: task.settings[0] for name, task in self.tasks.items()}
+
+    def resume(self, targets: bool = False) -> None:
+        """Let the tasks move the arm again, from the velocity that it has by then.
+
+        Parameters
+        ----------
+        targets
+            Whether the targets from before count. If not, the tasks of the hierarchy take their
+            values at the next step, obstacles excepted. Targets set since `hold` always count.
+        """
+        if self._targets is not None and not targets:
+            self.forget_targets(self._targets)
+        self._targets = None
+
+    @property
+    def resting(self) -> bool:
+        """Whether steps bring the arm to rest: it is `held`, or there is no level."""
+        return self.held or not self._members
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the last command is zero, and the arm has nothing left of earlier ones."""
+        return not self._qd.any() and self.arm.settled
 
     def add(self, task: Task) -> None:
         """Load a task of a new name, outside the hierarchy."""
@@ -308,13 +357,13 @@ class Stack:
         Raises
         ------
         InvalidValue
-            If there is no level, a name is unknown, a task stands twice or the solver
-            cannot resolve the levels.
+            If a name is unknown, a task stands twice or the solver cannot resolve the levels.
         """
         tasks = self.tasks if tasks is None else tasks
         levels = split_hierarchy(hierarchy, tasks)
         members = [[tasks[name] for name in names] for names in levels]
-        self.solver.check(members, damping)
+        if members:
+            self.solver.check(members, damping)
         return members
 
     def systems(self) -> list[System]:
@@ -444,7 +493,8 @@ class Stack:
         """Compute the command that answers a measured state.
 
         A task without a target takes its value at this configuration as the target. The arm
-        brakes while it does not follow its commands, see `Arm.following` and `Arm.notice`.
+        brakes while it is `resting`, or does not follow its commands, see `Arm.following` and
+        `Arm.notice`.
 
         Parameters
         ----------
@@ -481,7 +531,11 @@ class Stack:
         for task in self._unaimed:
             if task.target is None:
                 task.hold()
-                self._held.append(task)
+                self._just_aimed.append(task)
+                if self._targets is not None:
+                    self._targets[task.name] = task.settings[0]
+        if self.resting:
+            return self._answer_with_braking()
         try:
             # What overflows is not finite and refused below.
             with np.errstate(over='ignore', invalid='ignore'):
@@ -498,13 +552,23 @@ class Stack:
         except np.linalg.LinAlgError:
             self._refuse(q)
         if self._unaimed:
-            self._unaimed, self._held = [], []
+            self._unaimed, self._just_aimed = [], []
         if not self.arm.following:
             self._wish[:] = 0.0
         self._qd[:] = self._wish
         self.safety_filter.pass_on(self._qd)
         np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
+
+    def _answer_with_braking(self) -> Step:
+        """Answer the state that was taken with braking."""
+        if self._members:
+            self._fill()
+        self._unaimed, self._just_aimed = [], []
+        self._wish[:] = 0.0
+        self.safety_filter.brake(self._qd)
+        np.dot(self._J, self._qd, out=self._achieved)
+        return Step(self._command, 1.0, self._results)
 
     def _fill(self) -> None:
         """Fill the rows of all tasks at the robot's present configuration."""
@@ -582,9 +646,9 @@ class Stack:
 
     def _refuse(self, q: Vector) -> NoReturn:
         self._qd[:] = self._wish[:] = 0.0
-        for task in self._held:
+        for task in self._just_aimed:
             task.forget_target()
-        self._held = []
+        self._just_aimed = []
         message = f'no finite command follows from the position {shown(q)}'
         if not np.isfinite(q).all():
             raise UnusableState(message)
@@ -628,19 +692,20 @@ def split_hierarchy(hierarchy: Sequence[str], known: Collection[str]) -> list[li
     Parameters
     ----------
     hierarchy
-        Task names by level; ``a + b`` puts two on one level.
+        Task names by level; ``a + b`` puts two on one level. One empty name alone means none:
+        ROS parameter files know no empty list of texts.
     known
         Names of all tasks.
 
     Raises
     ------
     InvalidValue
-        If there is no level, a name is unknown or a task stands twice.
+        If a name is unknown or a task stands twice.
     """
     levels = [[name.strip() for name in level.split('+')] for level in hierarchy]
     accepts = f'names out of {listed(known)}, joined by + on one level'
-    if not levels:
-        raise InvalidValue('hierarchy', 'no level', accepts)
+    if levels == [['']]:
+        return []
     seen: set[str] = set()
     for name in (name for names in levels for name in names):
         if name not in known:

@@ -12,11 +12,14 @@ from tp_controller.config.build import (
     read_parameters,
 )
 from tp_controller.config.changes import check_changes
-from tp_controller.config.files import read_blocks, read_parameter_file, read_task
+from tp_controller.config.files import empty_list, read_blocks, read_parameter_file, read_task
 from tp_controller.config.schema import (
     HOLD,
+    PRESENT,
+    RESUME,
     SHARED,
     START,
+    TARGETS,
     controller_schema,
     robot_source,
     shared_schema,
@@ -24,8 +27,11 @@ from tp_controller.config.schema import (
 
 __all__ = [
     'HOLD',
+    'PRESENT',
+    'RESUME',
     'SHARED',
     'START',
+    'TARGETS',
     'Settings',
     'arm_joints',
     'build_addition',
@@ -36,6 +42,7 @@ __all__ = [
     'check_removal',
     'controller_schema',
     'describe_robot',
+    'empty_list',
     'know_rate',
     'read_blocks',
     'read_parameter_file',

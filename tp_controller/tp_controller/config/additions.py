@@ -115,8 +115,6 @@ def check_removal(stack: Stack, name: str) -> tuple[str, ...]:
     for level in stack.hierarchy:
         names = [other for other in level.split(' + ') if other != name]
         levels += [' + '.join(names)] if names else []
-    if not levels:
-        raise InvalidValue('name', f'{name}, the only task of the hierarchy', 'another one')
     stack.check_hierarchy(levels)
     return tuple(levels)
 

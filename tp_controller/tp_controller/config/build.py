@@ -89,7 +89,7 @@ def build_settings(
     for name, task in stack.tasks.items():
         values[f'tasks.{name}.feedforward'] = tuple(task.feedforward)
     if flatten(parameters).get(START) == HOLD:
-        stack.hold()
+        stack.forget_targets()
     return Settings(values, stack)
 
 

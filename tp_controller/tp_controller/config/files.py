@@ -165,7 +165,7 @@ def _check_as_ros(key: str, value: Any) -> None:
     if not isinstance(value, list):
         return
     if not value:
-        raise InvalidValue(key, 'an empty list', 'at least one value (or leave the key out)')
+        raise empty_list(key)
     kinds = {type(item) for item in value}
     if kinds == {int, float}:
         raise InvalidValue(
@@ -175,3 +175,11 @@ def _check_as_ros(key: str, value: Any) -> None:
         )
     if len(kinds) > 1:
         raise InvalidValue(key, f'{shown(value)}, which mixes kinds', 'one kind in a list')
+
+
+def empty_list(key: str) -> InvalidValue:
+    """Error for a parameter whose value is a list of nothing, which ROS 2 cannot read."""
+    accepts = 'at least one value (or leave the key out)'
+    if key.rpartition('.')[2] == 'hierarchy':
+        accepts = 'at least one value ([""] for no task)'
+    return InvalidValue(key, 'an empty list', accepts)

@@ -29,6 +29,8 @@ URDF = 'robot.urdf'
 DESCRIPTION = 'robot_description'
 START = 'start'
 HOLD, TARGET = STARTS = ('hold', 'target')
+RESUME = 'resume'
+PRESENT, TARGETS = RESUMES = ('present', 'targets')
 COMMAND_TYPES = ('joint_state', 'float64_multi_array')
 
 SHARED: Mapping[str, Parameter] = {
@@ -208,9 +210,19 @@ CONTROLLER: Mapping[str, Parameter] = {
         default=STARTS[0],
         choices=STARTS,
     ),
+    RESUME: Parameter(
+        TEXT,
+        'Targets after ~/hold: present lets the tasks of the hierarchy take their values then, so '
+        'that the arm stays where it is until a goal comes; targets those from before the hold; '
+        'goals that came during it always count',
+        default=PRESENT,
+        choices=RESUMES,
+        runtime=True,
+    ),
     'hierarchy': Parameter(
         TEXTS,
-        'Task names, highest priority first; "a + b" puts two on one level',
+        'Task names, highest priority first; "a + b" puts two on one level; [""] for none: the '
+        'arm rests',
         default=REQUIRED,
         runtime=True,
     ),

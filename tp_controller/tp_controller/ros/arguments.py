@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from tp_controller.config import read_blocks
+from tp_controller.config import empty_list, read_blocks
 from tp_controller.errors import InvalidValue, listed
 
 
@@ -44,8 +44,7 @@ def check_parameter_rules(argv: Sequence[str]) -> None:
         if flag in ('-p', '--param'):
             key, _, value = rule.partition(':=')
             if ''.join(value.split()) == '[]':
-                accepts = 'at least one value (or leave the key out)'
-                raise InvalidValue(key.rpartition(':')[2], 'an empty list', accepts)
+                raise empty_list(key.rpartition(':')[2])
 
 
 def missing_value_hint(argv: Sequence[str], key: str) -> str:

@@ -16,10 +16,19 @@ from rclpy.timer import Timer
 from visualization_msgs.msg import MarkerArray
 
 from tp_controller import compiled
-from tp_controller.config import HOLD, START, build_settings, know_rate, read_parameters
+from tp_controller.config import (
+    HOLD,
+    PRESENT,
+    RESUME,
+    START,
+    build_settings,
+    know_rate,
+    read_parameters,
+)
 from tp_controller.errors import InvalidValue
 from tp_controller.ros.commands import CommandPublisher
 from tp_controller.ros.cycle import ZEROS, ControlFailed, Cycle
+from tp_controller.ros.hold import Hold
 from tp_controller.ros.intake import Intake
 from tp_controller.ros.live_parameters import LiveParameters
 from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
@@ -94,7 +103,8 @@ class ControllerNode(RobotNode):
         self._inputs = TaskInputs(self, self._settings, self._state, self._warnings, period)
         for task in self._stack.tasks.values():
             list(self._listen(task))
-        self._warn_of_feedforwards()
+        if self._settings.values[START] == HOLD:
+            self._warn_of_feedforwards('from the start, though start is hold')
         watch = StateWatch(limit, period)
         intake = self._intake = Intake(self, watch)
         commands = CommandPublisher(self, robot, values['command.type'])
@@ -129,6 +139,7 @@ class ControllerNode(RobotNode):
                 'compiled functions are loaded by numba, which takes a second and 130 MB more '
                 'than their library does: python -m tp_controller.compile_ahead makes it'
             )
+        self._hold = Hold(self, self._settings, self.log, self._on_hold)
         TaskServices(self, self._settings, self._on_task_added, self._on_task_removed)
         self.log.info(f'waiting for joint states; tasks by level: {self._levels()}')
         # What is there now stays: the collector need not look at it again, which takes long.
@@ -158,7 +169,7 @@ class ControllerNode(RobotNode):
         return True
 
     def _levels(self) -> str:
-        return ', '.join(self._stack.hierarchy)
+        return ', '.join(self._stack.hierarchy) or 'none, the arm rests'
 
     def _log_warning(self, line: str) -> None:
         self.log.warning(line)
@@ -166,14 +177,10 @@ class ControllerNode(RobotNode):
     def _make_timer(self, period: float, callback: Callable[[], None]) -> Timer:
         return self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
-    def _warn_of_feedforwards(self) -> None:
-        if self._settings.values[START] != HOLD:
-            return
+    def _warn_of_feedforwards(self, when: str) -> None:
         for name, task in self._stack.tasks.items():
             if self._stack.level_of(name) >= 0 and task.feedforward.any():
-                self._log_warning(
-                    f'tasks.{name}.feedforward moves the arm from the start, though start is hold'
-                )
+                self._log_warning(f'tasks.{name}.feedforward moves the arm {when}')
 
     def _needs_rate(self) -> bool:
         """Whether there are ranges to keep without a rate, which is said."""
@@ -226,6 +233,13 @@ class ControllerNode(RobotNode):
     def _follow_tasks(self) -> None:
         self._state.follow_tasks()
         self._markers.follow_tasks(self._stack.tasks.values())
+
+    def _on_hold(self) -> None:
+        """Show at once that a hold has begun or ended, or that the arm has come to rest."""
+        self._cycle.show_held()
+        self._due = True
+        if not self._stack.held and self._settings.values[RESUME] == PRESENT:
+            self._warn_of_feedforwards('after the hold, though resume is present')
 
     # Cycle, and what is done between two of them
 
@@ -293,6 +307,7 @@ class ControllerNode(RobotNode):
         if self._cycle.running:
             self._brake_at = math.inf
             self._inputs.robot_seen()
+        self._hold.look()
         return True
 
     def _publish_cycle(self, explain: bool) -> None:
@@ -314,7 +329,8 @@ class ControllerNode(RobotNode):
     def _publish_state(self) -> None:
         self._due = False
         self._published = time.monotonic()
-        self._state.msg.message = self._warnings.message
+        texts = (self._hold.message, self._warnings.message)
+        self._state.msg.message = '; '.join(text for text in texts if text)
         self._state_publisher.publish(self._state.msg)
 
     def _look(self) -> None:
@@ -338,6 +354,7 @@ class ControllerNode(RobotNode):
 
     def _brake(self) -> None:
         self._cycle.brake()
+        self._hold.look()
         self._state.refresh(self._commands.velocity)
         if self._cycle.zeros >= ZEROS:
             self._brake_at = math.inf

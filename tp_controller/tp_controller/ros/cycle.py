@@ -33,6 +33,8 @@ BRAKING_PERIOD = 0.01
 """Time [s] between commands of braking where no rate is known."""
 OSCILLATION_PERIOD = 0.5
 """Time [s] after which an oscillation that goes on is told again."""
+ANSWERING = (ControllerState.RUNNING, ControllerState.HELD)
+"""Status while joint states are answered."""
 
 
 class ControlFailed(Exception):
@@ -129,7 +131,7 @@ class Cycle:
     @property
     def running(self) -> bool:
         """Whether joint states are being answered."""
-        return bool(self._state.status == ControllerState.RUNNING)
+        return self._state.status in ANSWERING
 
     def work(self) -> bool:
         """Answer the newest joint state that waits.
@@ -248,8 +250,16 @@ class Cycle:
         state.scale = scale
         if not self.running and not self.refused:
             state.status = ControllerState.RUNNING
-            self._logger.info('running')
+            self._logger.info('running, held at rest' if self._stack.held else 'running')
+            self.show_held()
         return True
+
+    def show_held(self) -> None:
+        """Tell whether the arm is held at rest."""
+        self._state.held = self._stack.held
+        if self.running:
+            held = self._stack.held
+            self._state.status = ControllerState.HELD if held else ControllerState.RUNNING
 
     def _age(self, arrival: Arrival) -> float:
         """Present age [s] of a state."""

@@ -153,6 +153,8 @@ class _GoalSender:
             raise GoalRefused(f'{arguments.task}: {after.message}')
         desired = ' '.join(f'{value:.4g}' for value in after.desired)
         note = '' if after.enabled else ' (idle: the task is not in the hierarchy)'
+        if self._state is not None and self._state.held:
+            note += ' (held: it counts once ~/hold is called with false)'
         return f'{arguments.task}: accepted, desired {desired}{note}'
 
     def _task(self, name: str) -> TaskState:

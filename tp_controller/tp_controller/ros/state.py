@@ -116,8 +116,11 @@ class StateMessage:
 
     def _explain(self) -> Iterator[None]:
         stamp = copy(self.msg.header.stamp)
-        limits = self._stack.safety_filter.active_limits(self._command)
-        if not self._stack.solver.proven:
+        # Zero is sent to an arm that rests, whatever the limits are.
+        limits = []
+        if self._command.any() or not self._stack.resting:
+            limits = self._stack.safety_filter.active_limits(self._command)
+        if not (self._stack.resting or self._stack.solver.proven):
             limits.append('the solver: inside all limits, but not proven to be the best answer')
         levels = []
         for level in explanations(self._stack):

@@ -143,7 +143,9 @@ class TaskServices:
     def _arrange(self, hierarchy: tuple[str, ...]) -> None:
         """Set the hierarchy, which was checked, by its parameter: both stay the same."""
         if hierarchy != tuple(self._settings.stack.hierarchy):
-            self._node.set_parameters([RosParameter('hierarchy', value=list(hierarchy))])
+            # Of an empty list ROS would not know that it is one of texts.
+            levels = list(hierarchy) or ['']
+            self._node.set_parameters([RosParameter('hierarchy', value=levels)])
 
 
 class _Pause:

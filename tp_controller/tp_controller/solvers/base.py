@@ -207,7 +207,8 @@ class Solver(ABC):
         Parameters
         ----------
         levels
-            Tasks by level, highest first; they pass `check`.
+            Tasks by level, highest first; they pass `check`. None while the hierarchy is empty:
+            nothing is to be solved then.
         jacobian_at
             Stacked Jacobian (K, n) of all levels at a configuration (n,), for schemes that
             need its derivative.
