@@ -10,7 +10,7 @@ from random_stacks import arms, examples, numbers, parameters, states
 
 from tp_controller import build_settings, read_parameter_file
 from tp_controller.config import check_changes, controller_schema
-from tp_controller.explain import explain
+from tp_controller.explanation import explain_step
 from tp_controller.oscillation import OscillationWatch
 from tp_controller.parameters import flatten
 from tp_controller.robot import Limits
@@ -228,7 +228,7 @@ def test_tasks_that_join_the_hierarchy_during_the_hold_take_their_values():
 def test_what_is_held_is_told_by_its_errors_and_explains_nothing():
     run, position, _ = two_tasks()
     run.step()
-    assert explain(run.stack) == ()
+    assert explain_step(run.stack) == ()
     result = run.stack.step(run.q).levels[0]
     np.testing.assert_allclose(result.requested, position.gain @ position.error, atol=1e-9)
     assert not result.achieved.any()
@@ -276,7 +276,7 @@ def test_without_a_level_the_arm_comes_to_rest_and_goes_on_with_the_next(case, s
     assert not run.before.any()
     result = run.stack.step(run.q)
     assert (result.levels, result.scale) == ((), 1.0)
-    assert explain(run.stack) == ()
+    assert explain_step(run.stack) == ()
     assert run.stack.systems() == []
     assert run.stack.solver.acting.shape == (0,)
     assert run.stack.at_rest
