@@ -182,7 +182,7 @@ def test_the_parameters_that_may_change_while_running_are_those_of_the_contract(
         for name in nested_parameters()['tasks']
         for leaf in ('gain', 'feedforward', 'target', 'weight')
     }
-    assert runtime == {'hierarchy', 'solver.damping', 'solver.settle'} | limits | tasks
+    assert runtime == {'hierarchy', 'resume', 'solver.damping', 'solver.settle'} | limits | tasks
 
 
 def test_the_schema_holds_the_parameters_of_every_task_type():
