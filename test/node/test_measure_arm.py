@@ -71,7 +71,8 @@ def test_delay_lag_and_noise_are_those_of_the_simulator(arm):
     assert status == 0, output
     found = yaml.safe_load(output[output.index('robot:') :])['robot']
     # On a busy machine states come late, and so do their answers: those are part of the delay.
-    assert found['delay'] == pytest.approx([2.0 / RATE] * 3, abs=0.015)
+    # Of a period, delay and lag cannot always be told apart.
+    assert found['delay'] == pytest.approx([2.0 / RATE] * 3, abs=1.3 / RATE)
     assert np.add(found['delay'], found['lag']) == pytest.approx(2.0 / RATE + 0.03, abs=0.015)
     assert found['noise'] == pytest.approx([1.2e-4] * 3, rel=0.2)
     assert 'do not use' not in output
