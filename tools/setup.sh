@@ -133,16 +133,16 @@ build_packages() {
   source ./setup.bash
   # numba does not see changes of another file that a compiled one calls
   find tp_controller tp_sim -name '*.nb[ci]' -delete
-  # The kernel takes longest; the three run side by side.
+  # The kernel takes about as long as all others together: two cores are busy all the time.
   compile_ahead tp_controller.solvers.hqp_kernel &
-  local kernel=$!
-  compile_ahead 'tp_controller.solvers.lexicographic, tp_controller.following, tp_controller.identification, tp_controller.reversals, tp_controller.robot.bounds, tp_controller.robot.curvature, tp_controller.tasks.damper, tp_controller.tasks.second_derivatives, tp_sim.servo' &
-  local rest=$!
-  logged colcon build --symlink-install
-  wait $kernel || exit
-  wait $rest || exit
+  local beside=$!
+  compile_ahead 'tp_controller.solvers.lexicographic, tp_controller.following, tp_controller.identification, tp_controller.reversals, tp_controller.robot.bounds, tp_controller.robot.curvature, tp_controller.tasks.damper, tp_controller.tasks.second_derivatives, tp_sim.servo'
+  wait $beside || exit
   # for the nodes, which then load neither numba nor LLVM
-  PYTHONPATH=tp_controller${PYTHONPATH:+:$PYTHONPATH} logged python -m tp_controller.compile_ahead
+  PYTHONPATH=tp_controller${PYTHONPATH:+:$PYTHONPATH} logged python -m tp_controller.compile_ahead &
+  beside=$!
+  logged colcon build --symlink-install
+  wait $beside || exit
   logged python -m compileall -q -j 0 tp_controller tp_sim install
   packages_state >install/state
 }
