@@ -22,7 +22,8 @@ LEEWAY = 1e-3
 """By how much [m, rad] a distance that is negative may be lower between two samples: with bounds
 alone nothing can be proven of one that must not become smaller at all."""
 PROBES = 200
-"""Configurations that are looked at in one step; what is not proven by then counts as unsafe."""
+"""Largest number of configurations that are looked at in one step. A command that is not proven
+safe by then counts as unsafe."""
 
 Near = list[tuple[SetBasedTask, slice]]
 """Tasks with the rows of their distances."""

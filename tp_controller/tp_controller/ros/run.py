@@ -108,7 +108,7 @@ def _ask_for_priority() -> None:
 
 def _leave_out() -> None:
     """Leave out what takes time or memory at the start and is of no use to a node."""
-    # Hardly anything made meanwhile is garbage.
+    # What is made during the start stays: there is nothing to collect.
     gc.disable()
     # Matrices are small: threads for the large ones would only wait, each with its memory.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')

@@ -1,4 +1,4 @@
-"""Messages of which numbers change only, kept as the bytes that are sent."""
+"""Messages of which only numbers change, kept as the bytes that are sent."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SEEN = (0x0123_4567, 0x2345_6789)
 class Serialized:
     """A message that is serialized once; a stamp and an array are then written into its bytes.
 
-    To serialize it takes as long as a third of a step.
+    Serializing it anew for every command would take a third of the time of a step.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Serialized:
         self._bytes = bytearray(serialize_message(msg))
         self._stamp_at = self._bytes.index(STAMP.pack(*SEEN)) if stamped else -1
         begin = self._bytes.index(seen.tobytes())
-        # Where the values are is no multiple of eight: as bytes, numpy need not care.
+        # The values need not begin at a multiple of eight, so they are written as bytes.
         self._values = np.frombuffer(self._bytes, np.uint8, 8 * size, begin)
 
     def write(self, values: NDArray[np.float64], stamp: Time | None) -> bytes:

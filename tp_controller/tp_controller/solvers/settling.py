@@ -248,7 +248,8 @@ def settle(  # type: ignore[no-untyped-def]
     if not (near or leaves):
         return NOTHING
     _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull)
-    # The same with and without second derivatives: where bounds on them are enough, these count.
+    # If the bounds alone show that nothing is lost, second derivatives are not used even where
+    # they are known: the answer must not depend on whether they are.
     bound = 0.0
     for r in range(offset, end):
         bound += abs(weights[r]) * bends[r - offset]
