@@ -139,7 +139,9 @@ def test_b3_no_limit_is_broken_and_what_stands_in_the_way_is_told(config, scheme
 def test_b3_a_goal_jump_meets_the_acceleration_limits_which_are_named(config):
     with ClosedLoop(config / 'b3_pressed.yaml') as loop:
         loop.send_goal('ee_position', [-0.9, 0.9])
-        loop.step(8)
+        for _ in range(8):
+            # One by one: the explanation is left for later while a further state waits.
+            loop.step()
         limits = list(loop.client.state.active_limits)
     assert limits
     assert all(limit.split()[1] == 'acceleration' for limit in limits)
