@@ -1,12 +1,10 @@
 """Age, order and resends of joint states; late cycles; warnings that are throttled."""
 
-import itertools
 import math
 
 import pytest
 from sensor_msgs.msg import JointState
 
-from tp_controller.ros import warnings as warnings_module
 from tp_controller.ros.feedforward import FeedforwardOverrides
 from tp_controller.ros.joint_states import RateCheck
 from tp_controller.ros.state_watch import Lag, StateWatch
@@ -166,7 +164,7 @@ def test_the_rate_is_that_of_all_states_not_of_those_answered():
     problems = [check.see(4 * i, 0.04 * i) for i in range(100)]
     assert not any(problems)
     problems = [check.see(400 + i, 4.0 + 0.02 * i) for i in range(300)]
-    assert any('come at 50 Hz, rate is 100' in problem for problem in problems)
+    assert any('come at 50 Hz, rate is 100' in problem for problem in problems if problem)
 
 
 def test_a_feedforward_ends_with_the_time_that_passes():
@@ -184,22 +182,72 @@ def test_a_feedforward_ends_with_the_time_that_passes():
     assert task.feedforward == 0.0
 
 
-def test_warnings_are_throttled_by_subject_and_say_how_many_were_held_back(monkeypatch):
-    lines, now = [], itertools.count()
-    time = {'now': 0.0}
-    warnings = Warnings(lines.append, lambda: time['now'])
+class Told:
+    """Warnings with a clock of its own, flushed every second."""
+
+    def __init__(self):
+        self.now, self.lines = 0.0, []
+        self.warnings = Warnings(
+            lambda line: self.lines.append(f'! {line}'), self.lines.append, lambda: self.now
+        )
+
+    def wait(self, seconds):
+        for _ in range(seconds):
+            self.now += 1.0
+            self.warnings.flush()
+
+
+def test_a_warning_that_goes_on_is_logged_when_it_begins_and_when_it_is_over():
+    told = Told()
     for number in range(100):
-        time['now'] = 0.1 * number
-        warnings.warn('rate', f'{next(now)} Hz')
-    assert lines == ['0 Hz', '50 Hz (50 times in 5 s)']
-    warnings.warn('clock', 'set back')
-    assert lines[-1] == 'set back'
-    assert warnings.message == 'set back; 99 Hz'
-    warnings.clear('clock')
-    assert warnings.message == '99 Hz'
-    time['now'] += warnings_module.PERIOD
-    warnings.flush()
-    assert lines[-1].startswith('99 Hz (49 times')
-    warnings.flush()
-    assert len(lines) == 4
-    assert warnings.message == ''
+        told.warnings.warn('late', f'{number} ms')
+        told.now += 0.1
+        told.warnings.flush()
+    assert told.lines == ['! 0 ms']
+    assert told.warnings.message == '99 ms'
+    told.wait(20)
+    assert told.lines == ['! 0 ms', 'over, 100 times in 9.9 s: 99 ms']
+    assert told.warnings.message == ''
+
+
+def test_a_single_event_has_one_line_and_others_about_it_are_told_together():
+    told = Told()
+    told.warnings.warn('goal', 'no frame map')
+    told.wait(20)
+    assert told.lines == ['! no frame map']
+    for reason in ('not finite', 'no frame world'):
+        told.warnings.warn('goal', reason)
+        told.wait(1)
+    told.wait(20)
+    assert told.lines[1:] == ['! not finite', 'over, 2 times in 1 s: no frame world']
+
+
+def test_a_lasting_warning_holds_until_it_is_cleared():
+    told = Told()
+    told.warnings.warn('stale', 'no joint state', lasting=True)
+    told.wait(60)
+    assert told.warnings.message == 'no joint state'
+    assert told.warnings.clear('stale')
+    assert not told.warnings.clear('stale')
+    told.wait(20)
+    assert told.lines == ['! no joint state', 'over after 60 s: no joint state']
+    told.warnings.warn('stale', 'no joint state', lasting=True)
+    told.warnings.clear('stale', 'running')
+    assert told.lines[2:] == ['! no joint state', 'running']
+
+
+@pytest.mark.parametrize('ends', [True, False])
+def test_what_comes_and_goes_quickly_does_not_fill_the_log(ends):
+    told = Told()
+    for _ in range(40):
+        told.warnings.warn('stale', 'no joint state', lasting=True)
+        told.now += 0.05
+        told.warnings.clear('stale', 'running')
+        told.now += 0.05
+    if not ends:
+        told.warnings.warn('stale', 'no joint state', lasting=True)
+    told.wait(30)
+    last = 'over, 39 times in 3.8 s: no joint state' if ends else '! no joint state (40 times in'
+    assert told.lines[:2] == ['! no joint state', 'running']
+    assert told.lines[2].startswith(last)
+    assert len(told.lines) == 3

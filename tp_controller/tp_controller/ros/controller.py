@@ -28,6 +28,8 @@ from tp_controller.config import (
 from tp_controller.errors import InvalidValue
 from tp_controller.ros.commands import CommandPublisher
 from tp_controller.ros.cycle import ZEROS, ControlFailed, Cycle
+from tp_controller.ros.diagnostics import PERIOD as DIAGNOSTICS_PERIOD
+from tp_controller.ros.diagnostics import Diagnostics
 from tp_controller.ros.hold import Hold
 from tp_controller.ros.intake import Intake
 from tp_controller.ros.live_parameters import LiveParameters
@@ -77,6 +79,7 @@ class ControllerNode(RobotNode):
         self._state_publisher = self.create_publisher(
             ControllerState, '~/state', STATE_QUEUE_DEPTH
         )
+        self._diagnostics = Diagnostics(self)
         self.begin()
 
     def check(self, given: Mapping[str, Any]) -> None:
@@ -87,6 +90,7 @@ class ControllerNode(RobotNode):
         """Publish what is waited for."""
         state = ControllerState(status=ControllerState.WAITING, scale=1.0, message=message)
         self._state_publisher.publish(state)
+        self._diagnostics.wait(message)
 
     def start(self, given: Mapping[str, Any], description: str | None) -> None:
         """Build the stack of tasks and listen to joint states and goals."""
@@ -99,7 +103,7 @@ class ControllerNode(RobotNode):
 
         self._state = StateMessage(self._stack)
         self._live_parameters = LiveParameters(self, self._settings, self._state.follow_hierarchy)
-        self._warnings = Warnings(self._log_warning)
+        self._warnings = Warnings(self._log_warning, self.log.info)
         self._inputs = TaskInputs(self, self._settings, self._state, self._warnings, period)
         for task in self._stack.tasks.values():
             list(self._listen(task))
@@ -130,6 +134,9 @@ class ControllerNode(RobotNode):
         self._published = self._heartbeat_at = -math.inf
         self._make_timer(MARKER_PERIOD, self._publish_markers)
         self._make_timer(NEIGHBOUR_PERIOD, self._look_around)
+        state = self._state.msg
+        self._diagnostics.begin(self._stack, state, rate, watch, commands, self._warnings)
+        self._make_timer(DIAGNOSTICS_PERIOD, self._diagnostics.tick)
         # Steady times [s] at which things are due.
         self._look_at = self._serve_at = self._served = -math.inf
         self._brake_at = math.inf
@@ -190,7 +197,7 @@ class ControllerNode(RobotNode):
             )
         except InvalidValue as error:
             self._warnings.warn(
-                'rate', f'{error}: the arm rests until it is found from the joint states'
+                'rate', f'{error}: the arm rests until it is found from the joint states', True
             )
             return True
         return False
@@ -199,8 +206,9 @@ class ControllerNode(RobotNode):
         """Keep ranges from now on."""
         know_rate(self._settings, rate)
         self._watch.period = 1.0 / rate
+        self._diagnostics.health.rate = rate
         self._inputs.know_period(1.0 / rate)
-        self._warnings.clear('rate')
+        self._warnings.clear('rate', '')
         self._warnings.warn(
             'found rate', f'rate: {rate:.4g} Hz, found from the joint states; ranges are kept'
         )
@@ -337,6 +345,7 @@ class ControllerNode(RobotNode):
         """Bring the robot to rest when joint states stop, and show that the node lives."""
         if self._control():
             self._publish_cycle(False)
+        self._diagnostics.health.see()
         for task in self._stack.tasks.values():
             for notice in task.take_notices():
                 self._warnings.warn(f'{task.name} contact', notice)

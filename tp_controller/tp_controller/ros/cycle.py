@@ -250,7 +250,9 @@ class Cycle:
         state.scale = scale
         if not self.running and not self.refused:
             state.status = ControllerState.RUNNING
-            self._logger.info('running, held at rest' if self._stack.held else 'running')
+            line = 'running, held at rest' if self._stack.held else 'running'
+            if not self._warnings.clear('stale', line):
+                self._logger.info(line)
             self.show_held()
         return True
 
@@ -353,7 +355,9 @@ class Cycle:
         if self._rate_check and not again:
             problem = self._rate_check.see(self._watch.received, self._watch.time(arrival))
             if problem:
-                self._warnings.warn('rate', problem)
+                self._warnings.warn('rate', problem, lasting=True)
+            elif problem is not None:
+                self._warnings.clear('rate')
         self._last_seen = time.monotonic()
         self._refused = state.ignored_states
 
@@ -379,6 +383,7 @@ class Cycle:
             return False
         if self._rate_check:
             self._rate_check.restart()
+            self._warnings.clear('rate')
         self._oscillation.restart()
         self._state.status = ControllerState.STALE
         self.zeros = 0
@@ -386,7 +391,7 @@ class Cycle:
         cause = f'no {"usable " if refused else ""}joint state for {self._limit:g} s'
         if self._awake_since > self._last_seen:
             cause = f'the process was not scheduled for {self._paused:.3g} s'
-        self._warnings.warn('stale', f'{cause}: braking to rest')
+        self._warnings.warn('stale', f'{cause}: braking to rest', lasting=True)
         return True
 
     def brake(self) -> None:

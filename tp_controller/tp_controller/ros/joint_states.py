@@ -37,8 +37,8 @@ class RateCheck:
         self._count: int | None = None
         self._begin = 0.0
 
-    def see(self, received: int, now: float) -> str:
-        """Find what is wrong with the last hundred joint states; empty if nothing is.
+    def see(self, received: int, now: float) -> str | None:
+        """Find what is wrong with the last hundred joint states.
 
         Parameters
         ----------
@@ -46,12 +46,17 @@ class RateCheck:
             Joint states so far, answered or not.
         now
             Time [s] of the newest, by its stamp if it has one.
+
+        Returns
+        -------
+        str or None
+            What to warn of, empty if nothing; None until the next hundred are there.
         """
         if self._count is None or now < self._begin:
             self._count, self._begin = received, now
         count, passed = received - self._count, now - self._begin
         if count < STATES:
-            return ''
+            return None
         self._count, self._begin = received, now
         found = count / passed if passed > 0.0 else self._rate
         if SLOW * self._rate <= found <= self._rate / SLOW:
