@@ -1,0 +1,211 @@
+"""Executable that shows a running controller in the terminal, for people."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import signal
+import sys
+import time
+from typing import Any
+
+import rclpy
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+from rich.console import Console
+from rich.live import Live
+
+from tp_controller.ros.arguments import one_line
+from tp_controller.ros.cycle import ANSWERING
+from tp_controller.ros.polled import subscribe, take
+from tp_controller.ros.watch_table import Sight, render
+from tp_interfaces.msg import ControllerState
+
+NOTHING_SEEN, REFUSED, NOT_RUNNING = 1, 2, 3
+SILENT = 1.0
+"""Time [s] without a state after which that is said; a controller gives one every 0.1 s."""
+PERIOD, PLAIN_PERIOD = 0.2, 1.0
+"""Time [s] between two pictures: in a terminal, and in a file or pipe."""
+SETTLE = 0.5
+"""Time [s] that ``--once`` looks on, for the rate and for the levels to be explained."""
+QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""The newest state alone, and nobody has to send one again: who looks is no burden."""
+TYPE = 'tp_interfaces/msg/ControllerState'
+
+
+def main() -> int:
+    """Show a controller until Ctrl-C, or once.
+
+    Returns
+    -------
+    int
+        Exit status: 0; with ``--once`` 1 if no controller was seen and 3 if it does not answer
+        joint states; 2 if an argument cannot be used.
+    """
+    given = _parser().parse_args(remove_ros_args(sys.argv)[1:])
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        return _refuse(one_line(error))
+    node = rclpy.create_node(f'tp_watch_{os.getpid()}', start_parameter_services=False)
+    try:
+        watcher = Watcher(node, given.controller)
+        return _once(watcher, given.timeout) if given.once else _watch(watcher, given.period)
+    except InvalidTopicNameException as error:
+        return _refuse(str(error))
+    except BrokenPipeError:
+        # The reader of a pipe has had enough; nothing is to be flushed into it at the end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='watch',
+        description='Show what a running controller does: its levels and tasks, who blocks whom, '
+        'what limits it, and how old its commands are. Ctrl-C ends it.',
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog='examples:\n'
+        '  ros2 run tp_controller watch\n'
+        '  ros2 run tp_controller watch --controller /arm_1/tp_controller\n'
+        '  ros2 run tp_controller watch --once || echo "not running"',
+    )
+    parser.add_argument(
+        '--controller', default='tp_controller', help='name of the node (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--once',
+        action='store_true',
+        help='print one table; exit status 0: it answers joint states, 1: no controller was seen, '
+        '3: it does not answer joint states',
+    )
+    parser.add_argument(
+        '--timeout',
+        type=_time,
+        default=5.0,
+        help='time [s] that --once waits for a controller (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--period',
+        type=_time,
+        help=f'time [s] between two tables (default: {PERIOD}; {PLAIN_PERIOD} in a file or pipe)',
+    )
+    return parser
+
+
+def _time(text: str) -> float:
+    value = float(text)
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f'{text}: a number above 0')
+    return value
+
+
+def _refuse(message: str) -> int:
+    print(f'watch: {message}', file=sys.stderr)
+    return REFUSED
+
+
+class Watcher:
+    """Takes the newest state when asked, and finds out why there is none.
+
+    Parameters
+    ----------
+    node
+        Listens; nothing spins it.
+    controller
+        Name of the controller's node.
+    """
+
+    def __init__(self, node: Node, controller: str) -> None:
+        self._node = node
+        self._subscription = subscribe(node, ControllerState, f'{controller}/state', QOS)
+        self.topic = str(self._subscription.topic_name)
+        self._state: ControllerState | None = None
+        self._seen = self._began = time.monotonic()
+        self._before: tuple[float, int] | None = None
+        self._rate = math.nan
+
+    def look(self) -> Sight:
+        """Take the newest state, if there is a new one."""
+        found: Any = take(self._subscription)
+        now = time.monotonic()
+        if found is not None:
+            self._count(found.cycles, now)
+            self._state, self._seen = found, now
+        silence = '' if now - self._seen < SILENT else self._silence(now - self._seen)
+        if not silence and self._state is None:
+            silence = f'listening to {self.topic}'
+        return Sight(self.topic, self._state, self._rate, silence)
+
+    def _count(self, cycles: int, now: float) -> None:
+        """Find the rate; a controller that was started anew counts from zero again."""
+        if self._before is None or cycles < self._before[1]:
+            self._before, self._rate = (now, cycles), math.nan
+            return
+        passed = now - self._before[0]
+        if passed >= 0.9 * min(SETTLE, SILENT):
+            self._rate = (cycles - self._before[1]) / passed
+            self._before = (now, cycles)
+
+    def _silence(self, seconds: float) -> str:
+        when = f'no state for {seconds:.0f} s: '
+        if self._node.count_publishers(self.topic):
+            return f'{when}a controller is there, but silent on {self.topic}'
+        others = [
+            topic.removesuffix('/state')
+            for topic, types in self._node.get_topic_names_and_types()
+            if TYPE in types and topic != self.topic and self._node.count_publishers(topic)
+        ]
+        hint = f'; there is {", ".join(others)} (--controller NAME)' if others else ''
+        return f'{when}nothing publishes {self.topic}{hint}'
+
+
+def _once(watcher: Watcher, timeout: float) -> int:
+    """Print one table and return the exit status."""
+    end = time.monotonic() + timeout
+    while (sight := watcher.look()).state is None:
+        if time.monotonic() > end:
+            print(f'watch: {_nothing(watcher, timeout)}', file=sys.stderr)
+            return NOTHING_SEEN
+        time.sleep(0.02)
+    end = time.monotonic() + SETTLE
+    while time.monotonic() < end:
+        time.sleep(0.02)
+        sight = watcher.look()
+    Console().print(render(sight))
+    assert sight.state is not None
+    return 0 if sight.state.status in ANSWERING and not sight.silence else NOT_RUNNING
+
+
+def _nothing(watcher: Watcher, timeout: float) -> str:
+    return watcher.look().silence or f'no state of {watcher.topic} in {timeout:g} s'
+
+
+def _watch(watcher: Watcher, period: float | None) -> int:
+    """Show table after table until Ctrl-C."""
+    console = Console()
+    if not console.is_terminal:
+        while True:
+            time.sleep(period or PLAIN_PERIOD)
+            console.print(render(watcher.look()), '')
+            sys.stdout.flush()
+    sight = watcher.look()
+    try:
+        with Live(render(sight), console=console, screen=True, auto_refresh=False) as live:
+            while True:
+                time.sleep(period or PERIOD)
+                sight = watcher.look()
+                live.update(render(sight), refresh=True)
+    finally:
+        # The last picture stays, to be read and copied.
+        console.print(render(sight))
