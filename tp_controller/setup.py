@@ -52,6 +52,7 @@ for_ros = {
     'entry_points': {
         'console_scripts': [
             'batch = tp_controller.batch.command:main',
+            'check = tp_controller.checks.command:main',
             'controller = tp_controller.ros.controller_main:main',
             'measure_arm = tp_controller.ros.measure_arm:main',
             'send_goal = tp_controller.ros.send_goal:main',

@@ -176,18 +176,41 @@ def read_all(flat: Mapping[str, Any], schema: Mapping[str, Parameter]) -> Flat:
         For a key that the schema does not have, a value that its parameter does not
         accept, or a required value that is missing.
     """
-    for key in flat:
-        if key not in schema:
-            raise InvalidValue(key, 'an unknown parameter', alternatives(key, schema))
+    values, errors = read_each(flat, schema)
+    if errors:
+        raise errors[0]
+    return values
+
+
+def read_each(
+    flat: Mapping[str, Any], schema: Mapping[str, Parameter]
+) -> tuple[Flat, list[InvalidValue]]:
+    """Check values as `read_all`, but go on after an error.
+
+    Returns
+    -------
+    dict
+        A value for every key of the schema that has an acceptable one.
+    list
+        The errors, those of unknown keys first.
+    """
+    errors = [
+        InvalidValue(key, 'an unknown parameter', alternatives(key, schema))
+        for key in flat
+        if key not in schema
+    ]
     values: Flat = {}
     for key, parameter in schema.items():
-        if flat.get(key) is not None:
-            values[key] = parameter.read(key, flat[key])
-        elif parameter.default is REQUIRED:
-            raise InvalidValue(key, NO_VALUE, parameter.accepts)
-        else:
+        if flat.get(key) is None and parameter.default is not REQUIRED:
             values[key] = parameter.default
-    return values
+            continue
+        try:
+            if flat.get(key) is None:
+                raise InvalidValue(key, NO_VALUE, parameter.accepts)
+            values[key] = parameter.read(key, flat[key])
+        except InvalidValue as error:
+            errors.append(error)
+    return values, errors
 
 
 def alternatives(key: str, schema: Mapping[str, Parameter], brief: bool = True) -> str:

@@ -7,6 +7,7 @@ from tp_controller.config.build import (
     build_robot,
     build_settings,
     build_stack,
+    build_task,
     describe_robot,
     know_rate,
     read_parameters,
@@ -23,6 +24,8 @@ from tp_controller.config.schema import (
     controller_schema,
     robot_source,
     shared_schema,
+    task_names,
+    task_schema,
 )
 
 __all__ = [
@@ -38,6 +41,7 @@ __all__ = [
     'build_robot',
     'build_settings',
     'build_stack',
+    'build_task',
     'check_changes',
     'check_removal',
     'controller_schema',
@@ -51,4 +55,6 @@ __all__ = [
     'remove',
     'robot_source',
     'shared_schema',
+    'task_names',
+    'task_schema',
 ]
