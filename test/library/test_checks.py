@@ -145,7 +145,7 @@ def test_nothing_is_found_where_nothing_is_wrong():
         (RANGES, [2.5, 0.0, 0.0], 'initial_positions: joint_1 starts at 2.5; accepts -2 to 2'),
         (
             BALL | {'hierarchy': ['ball', 'tip'], 'tasks.tip.target': None},
-            [0.0, 0.6, 0.3],
+            [0.0, 0.6, 1.5],
             'tasks.ball: these overlap or',
         ),
     ],
