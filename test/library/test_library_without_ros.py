@@ -15,7 +15,8 @@ import sys
 
 ROS = ('rclpy', 'rpyutils', 'rosidl_', 'rosgraph_msgs', 'ament_', 'builtin_interfaces',
        'unique_identifier_msgs', 'action_msgs', 'geometry_msgs', 'sensor_msgs', 'std_msgs',
-       'std_srvs', 'rcl_interfaces', 'lifecycle_msgs', 'visualization_msgs', 'trajectory_msgs',
+       'std_srvs', 'rcl_interfaces', 'lifecycle_msgs', 'diagnostic_msgs',
+       'visualization_msgs', 'trajectory_msgs',
        'tp_interfaces', 'tp_sim')
 
 class Blocker:
