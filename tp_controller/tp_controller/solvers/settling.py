@@ -12,8 +12,9 @@ equality and inequality constrained hierarchical task-space control by adaptive 
 squares", IEEE RA-L 3 (2018).
 
 Nothing is added where every level gets what it asks for: M is that of the lost error alone, and
-a direction with the singular value s counts as lost only where its curvature is above ``4 s²``
-and s is small beside the rows.
+a direction with the singular value s counts as lost only where s is small beside the rows and the
+largest curvature, of it and of all directions that are free or as close to being lost, is above
+``4 s²``. The curvature along that direction alone would not do: it turns by 1/s per radian.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import math
 from tp_controller.compiled import njit
 
 LOST = 4.0
-"""A direction is lost where its curvature is above so many times s²."""
+"""A direction is lost where the curvature is above so many times s²."""
 NEAR = 0.3
 """Only directions with s below this share of the rows' mean length can be lost."""
 FLAT = 1e-3
@@ -175,6 +176,56 @@ def _curvature(weights, end, hessians, offset, N, m, raw, out):  # type: ignore[
 
 
 @njit(cache=True)
+def _closeness(s, near):  # type: ignore[no-untyped-def]
+    """How close a singular value is to being lost: 1 up to ``near / 2``, nothing from there on."""
+    return min(max(2.0 - 2.0 * s / near, 0.0), 1.0)
+
+
+@njit(cache=True)
+def _largest(A, B, S, near, m, rank, raw, W):  # type: ignore[no-untyped-def]
+    """Largest eigenvalue, or 0, of a curvature (m, m) without the regular directions of a level.
+
+    What is left are the directions close to being lost and those that the level does not move.
+    Near a singularity these turn into each other, by 1/s per radian; the largest curvature of all
+    of them does not depend on that.
+    """
+    for a in range(m):
+        for b in range(m):
+            raw[a, b] = A[a, b]
+    for i in range(rank):
+        regular = 1.0 - _closeness(S[i], near)
+        if regular == 0.0:
+            continue
+        for b in range(m):
+            along = 0.0
+            for a in range(m):
+                along += B[i, a] * raw[a, b]
+            for a in range(m):
+                raw[a, b] -= regular * along * B[i, a]
+        for a in range(m):
+            along = 0.0
+            for b in range(m):
+                along += B[i, b] * raw[a, b]
+            for b in range(m):
+                raw[a, b] -= regular * along * B[i, b]
+    shift = 0.0
+    for a in range(m):
+        for b in range(m):
+            shift += raw[a, b] * raw[a, b]
+    shift = math.sqrt(shift)
+    for a in range(m):
+        raw[a, a] += shift
+    orthogonalise(raw, W, m, m)
+    largest = 0.0
+    for a in range(m):
+        length = 0.0
+        for b in range(m):
+            length += raw[a, b] * raw[a, b]
+        largest = max(largest, math.sqrt(length) - shift)
+    return largest
+
+
+@njit(cache=True)
 def settle(  # type: ignore[no-untyped-def]
     J, order, k, first, end, acts, errors, hessians, bends, known, offset,
     N, m, rank, B, U, S, side, present, rule, square, followed,
@@ -260,17 +311,11 @@ def settle(  # type: ignore[no-untyped-def]
         return UNKNOWN
     # How far each direction is lost: not at all up to a curvature of LOST s².
     _curvature(weights, end, hessians, offset, N, m, raw, A)
+    edge = NEAR * math.sqrt(mean)
+    largest = _largest(A, B, S, edge, m, rank, raw, W)
     most = 0.0
     for i in range(rank):
-        W[0, i] = 0.0
-        closeness = min(1.0, 2.0 - 2.0 * S[i] / (NEAR * math.sqrt(mean)))
-        if closeness <= 0.0:
-            continue
-        bend = 0.0
-        for a in range(m):
-            for b in range(m):
-                bend += B[i, a] * A[a, b] * B[i, b]
-        bend = closeness * bend - LOST * S[i] * S[i]
+        bend = _closeness(S[i], edge) * largest - LOST * S[i] * S[i]
         if bend <= 0.0:
             continue
         share = bend / (S[i] * S[i] + bend)
