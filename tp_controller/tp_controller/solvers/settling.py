@@ -13,8 +13,8 @@ squares", IEEE RA-L 3 (2018).
 
 Nothing is added where every level gets what it asks for: M is that of the lost error alone, and
 a direction with the singular value s counts as lost only where s is small beside the rows and the
-largest curvature, of it and of all directions that are free or as close to being lost, is above
-``4 s²``. The curvature along that direction alone would not do: it turns by 1/s per radian.
+curvature is above ``4 s²``: that along it, or far from the target the largest one among it and all
+directions that are free or as close to being lost, as these turn into each other on the way.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ from tp_controller.compiled import njit
 
 LOST = 4.0
 """A direction is lost where the curvature is above so many times s²."""
+TURNED = 0.5
+"""Way [rad] to the target from which on a direction turns before the level gets there."""
 NEAR = 0.3
 """Only directions with s below this share of the rows' mean length can be lost."""
 FLAT = 1e-3
@@ -315,14 +317,22 @@ def settle(  # type: ignore[no-untyped-def]
     largest = _largest(A, B, S, edge, m, rank, raw, W)
     most = 0.0
     for i in range(rank):
-        bend = _closeness(S[i], edge) * largest - LOST * S[i] * S[i]
+        closeness = _closeness(S[i], edge)
+        if closeness == 0.0:
+            continue
+        along = bend = 0.0
+        for r in range(k):
+            along += U[i, r] * errors[int(order[r]) - offset]
+        for a in range(m):
+            for b in range(m):
+                bend += B[i, a] * A[a, b] * B[i, b]
+        # Far from its target the direction will have turned before it gets there.
+        turned = min(max(abs(along) / (TURNED * S[i]) - 1.0, 0.0), 1.0) if S[i] > 0.0 else 1.0
+        bend = closeness * (bend + turned * (largest - bend)) - LOST * S[i] * S[i]
         if bend <= 0.0:
             continue
         share = bend / (S[i] * S[i] + bend)
         most = max(most, share)
-        along = 0.0
-        for r in range(k):
-            along += U[i, r] * errors[int(order[r]) - offset]
         for r in range(k):
             lost[int(order[r])] += share * along * U[i, r]
     if dropped and outside > 0.0:
