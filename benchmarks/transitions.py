@@ -20,9 +20,9 @@ from tp_controller.config import (
     build_addition,
     build_settings,
     check_changes,
-    check_removal,
     controller_schema,
     read_parameter_file,
+    remaining,
     remove,
 )
 from tp_controller.errors import InvalidValue
@@ -136,7 +136,7 @@ class Changes:
     def _remove(self) -> None:
         if self._added:
             name = self._pick(self._added)
-            self._change(hierarchy=list(check_removal(self._settings.stack, name)) or [''])
+            self._change(hierarchy=remaining(self._settings.stack, [name]))
             remove(self._settings, name)
             self._added.remove(name)
 

@@ -12,9 +12,10 @@ from tp_controller.config.build import Settings, build_solver
 from tp_controller.config.risks import hierarchy_risks, limit_risks
 from tp_controller.config.schema import RESUME
 from tp_controller.errors import InvalidValue, shown
-from tp_controller.parameters import Parameter, alternatives
+from tp_controller.parameters import Flat, Parameter, alternatives
 from tp_controller.robot import Limits
 from tp_controller.stack import Stack
+from tp_controller.tasks import Task
 
 LIMITS = 'robot.limits.'
 DAMPING = 'solver.damping'
@@ -31,8 +32,22 @@ MOST = 10_000
 """Values, or letters, of one parameter: more would hold up the cycle."""
 
 
+def read_changes(schema: Mapping[str, Parameter], changes: Mapping[str, Any]) -> Flat:
+    """Values of parameters that may change while running, in their plain form.
+
+    Raises
+    ------
+    InvalidValue
+        As `check_changes`, as far as the schema tells.
+    """
+    return {key: _read(key, value, schema) for key, value in changes.items()}
+
+
 def check_changes(
-    settings: Settings, schema: Mapping[str, Parameter], changes: Mapping[str, Any]
+    settings: Settings,
+    schema: Mapping[str, Parameter],
+    changes: Mapping[str, Any],
+    tasks: Mapping[str, Task] | None = None,
 ) -> Callable[[], tuple[str, ...]]:
     """Check parameter changes without making them.
 
@@ -44,6 +59,9 @@ def check_changes(
         Its parameters by dotted key.
     changes
         New values by dotted key.
+    tasks
+        Tasks by name that the hierarchy may have; the present ones when left out. With others
+        the changes are only checked.
 
     Returns
     -------
@@ -57,7 +75,7 @@ def check_changes(
         For an unknown parameter, one that cannot change while running, or a value that
         is not accepted. Nothing has changed then.
     """
-    checked = {key: _read(key, value, schema) for key, value in changes.items()}
+    checked = read_changes(schema, changes)
     stack = settings.stack
     steps: list[Callable[[], None]] = [partial(settings.values.update, checked)]
     risks: list[str] = []
@@ -72,7 +90,7 @@ def check_changes(
         risks += limit_risks(stack.robot.joints, stack.robot.limits, limits)
     if TRANSITION in checked:
         steps.append(partial(setattr, stack, TRANSITION, checked[TRANSITION]))
-    steps += _rearrangement(settings, checked, risks)
+    steps += _rearrangement(settings, checked, tasks, risks)
     for key, value in checked.items():
         if key == 'solver.settle':
             steps.append(partial(setattr, stack, 'settle', value))
@@ -138,7 +156,10 @@ def _check_slides(stack: Stack, limits: Limits) -> None:
 
 
 def _rearrangement(
-    settings: Settings, checked: Mapping[str, Any], risks: list[str]
+    settings: Settings,
+    checked: Mapping[str, Any],
+    tasks: Mapping[str, Task] | None,
+    risks: list[str],
 ) -> Iterator[Callable[[], None]]:
     """Check the levels as they are to be, and the solver that is to resolve them.
 
@@ -148,6 +169,8 @@ def _rearrangement(
         What the controller runs on.
     checked
         New values by dotted key.
+    tasks
+        Tasks by name that the hierarchy may have; the present ones when left out.
     risks
         Texts about what becomes less safe are added to it.
 
@@ -169,7 +192,7 @@ def _rearrangement(
         return
     hierarchy = checked.get(HIERARCHY, stack.hierarchy)
     try:
-        members = stack.check_hierarchy(hierarchy, damping, enabled=enabled, solver=solver)
+        members = stack.check_hierarchy(hierarchy, damping, tasks, enabled, solver)
     except InvalidValue as error:
         blamed = next((key for key in (*anew, DAMPING) if key in checked), None)
         if HIERARCHY in checked or enabled or blamed is None:

@@ -126,6 +126,8 @@ class Task(ABC):
     """Whether the rows come and go."""
     one_sided: bool = False
     """Whether the desired velocity is the least one allowed."""
+    target_key: ClassVar[str] = 'target'
+    """Parameter that the target is at the start."""
     without: ClassVar[tuple[str, ...]] = ()
     """Common parameters that the kind has no use for."""
     feeds_back: ClassVar[bool] = True
