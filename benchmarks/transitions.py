@@ -35,6 +35,8 @@ GOAL_PERIOD = 1.5
 """Time [s] between two goals."""
 MOST_ADDED = 3
 """Tasks that are added until one of them is removed."""
+BRAKING = 0.5
+"""Time [s] in which an arm has braked."""
 ROUNDING = 1e-6
 """Share of a bound that is rounding."""
 ARMS = {'planar': 'b3_pressed.yaml', 'Panda': 'panda.yaml'}
@@ -65,7 +67,7 @@ class Outcome(NamedTuple):
     acceleration: float
     """Largest change as a share of what limits of acceleration allow."""
     distance: float
-    """Least distance of a task that is on and from whose boundary the arm was clear [m, rad]."""
+    """Least distance of a task that has been on for `BRAKING`, the arm being clear [m, rad]."""
     room: float
     """Least room of a joint's range [rad]."""
     seconds: float
@@ -184,7 +186,7 @@ def run(arm: str, limited: bool, seconds: float, interval: float, seed: int) -> 
     largest = share = braking = acceleration = 0.0
     distance = room = np.inf
     brakes = astray = 0
-    clear: set[str] = set()
+    clear: dict[str, int] = {}
     steps, every = round(seconds / period), max(1, round(interval / period))
     begin = time.perf_counter()
     for i in range(steps):
@@ -204,8 +206,10 @@ def run(arm: str, limited: bool, seconds: float, interval: float, seed: int) -> 
             astray += 1
         room = min(room, (q - limits.position_min).min(), (limits.position_max - q).min())
         kept = {name: stack.tasks[name].distance.min() for name in stack.safety_filter.kept}
-        clear = {name for name in kept if name in clear or kept[name] >= 0.0}
-        distance = min([distance, *(kept[name] for name in clear)])
+        # A task that comes on ahead of a fast arm may find it too near to brake.
+        clear = {name: clear.get(name, i) for name in kept if name in clear or kept[name] >= 0.0}
+        since = i - round(BRAKING / period)
+        distance = min([distance, *(kept[name] for name in clear if clear[name] < since)])
         before, q = command, q + period * command
     return Outcome(
         steps,
@@ -242,15 +246,15 @@ def _table(outcomes: dict[str, Outcome], interval: float) -> Table:
         ('steps', [f'{o.steps:,}' for o in found]),
         ('changes made', [f'{sum(o.changes.values()) - _refused(o):,}' for o in found]),
         ('changes refused', [f'{_refused(o):,}' for o in found]),
-        ('largest bound of a joint [rad/s]', [f'{o.bound:.4f}' for o in found]),
-        ('largest change in a step [rad/s]', [f'{o.largest:.4f}' for o in found]),
-        ('the same as a share of its bound', [f'{o.share:.6f}' for o in found]),
+        ('largest bound [rad/s]', [f'{o.bound:.4f}' for o in found]),
+        ('largest change [rad/s]', [f'{o.largest:.4f}' for o in found]),
+        ('as a share of its bound', [f'{o.share:.6f}' for o in found]),
         ('steps that brake harder', [f'{o.brakes:,}' for o in found]),
-        ('largest change in one of these [rad/s]', [f'{o.braking:.4f}' for o in found]),
-        ('steps beyond the bound otherwise', [f'{o.astray:,}' for o in found]),
-        ('share of the acceleration limit', [f'{o.acceleration:.6f}' for o in found]),
+        ('largest change in these [rad/s]', [f'{o.braking:.4f}' for o in found]),
+        ('other steps beyond the bound', [f'{o.astray:,}' for o in found]),
+        ('share of acceleration limit', [f'{o.acceleration:.6f}' for o in found]),
         ('least distance [m, rad]', [f'{o.distance:.7f}' for o in found]),
-        ("least room of a joint's range [rad]", [f'{o.room:.9f}' for o in found]),
+        ('least room of a range [rad]', [f'{o.room:.9f}' for o in found]),
         (
             'time per step [µs], changes included',
             [f'{1e6 * o.seconds / o.steps:.0f}' for o in found],
@@ -273,10 +277,10 @@ def main() -> int:
     outcomes = {}
     for arm in ARMS:
         for limited in (False, True):
-            name = f'{arm}, {"with" if limited else "no"} acceleration limits'
+            name = f'{arm}, {"with" if limited else "no"}\nacceleration limits'
             seconds = 60.0 * arguments.minutes
             outcomes[name] = run(arm, limited, seconds, arguments.interval, arguments.seed)
-    Console(width=130).print(_table(outcomes, arguments.interval))
+    Console(width=120).print(_table(outcomes, arguments.interval))
     good = all(
         o.share <= 1.0 + ROUNDING
         and o.acceleration <= 1.0 + ROUNDING

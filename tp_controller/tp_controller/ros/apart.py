@@ -37,6 +37,10 @@ class Apart:
             await _Pause()
         return future.result()
 
+    def begin(self, work: Callable[[], object]) -> None:
+        """Do work in the thread, for which nobody waits."""
+        self._thread.submit(work)
+
     async def in_pieces(self, pieces: Iterator[None]) -> None:
         """Do work between cycles, with a pause after each piece."""
         for _ in pieces:

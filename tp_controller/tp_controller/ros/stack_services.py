@@ -82,6 +82,7 @@ class StackServices:
         if isinstance(robot.body_source, partial):
             robot.body_source = partial(robot.body_source, read=described_apart)
         _load_compiled()
+        self._apart.begin(_load_solvers)
 
     async def _on_add(self, request: AddTask.Request) -> None:
         block = await self._apart.run(partial(read_task, request.parameters))
@@ -186,3 +187,10 @@ def _load_compiled() -> None:
     from tp_controller.tasks import damper
 
     _ = bounds, damper
+
+
+def _load_solvers() -> None:
+    """Load what a change of `solver.type` may need: it takes some 50 ms."""
+    from tp_controller.solvers import hqp_kernel, lexicographic
+
+    _ = hqp_kernel, lexicographic
