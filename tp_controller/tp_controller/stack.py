@@ -655,14 +655,14 @@ class Stack:
                 bounds = self.safety_filter.bounds()
                 self._expect(self.safety_filter.last_bounds)
                 self._fill()
-                scale = self.solver.solve(
+                scale = self._solver.solve(
                     self._J,
                     self._velocity,
                     bounds,
                     self._wish,
                     self._curvature if self.settle else None,
                 )
-                if self.in_transition:
+                if self.safety_filter.transition.under_way:
                     self._keep_distances()
         except np.linalg.LinAlgError:
             self._refuse(q)

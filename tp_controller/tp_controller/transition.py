@@ -69,13 +69,16 @@ class Transition:
 
     Attributes
     ----------
+    under_way
+        Whether the bounds are narrower than the limits.
     yields
         Whether the limits alone bounded the last step, as it had to brake.
     """
 
     def __init__(self) -> None:
-        self._left: int | None = None
-        self._past: int | None = None
+        self.under_way = False
+        self._left = 0
+        self._past = False, 0
         self._time = self._period = 0.0
         self._steps = 0
         self._limits: Limits | None = None
@@ -83,11 +86,6 @@ class Transition:
         self._change = self._most = np.zeros(0)
         self._step, self.yields = 0.0, False
         self._fill: Fill = _nothing
-
-    @property
-    def under_way(self) -> bool:
-        """Whether the bounds are narrower than the limits."""
-        return self._left is not None
 
     def begin(self, limits: Limits, period: float, time: float) -> None:
         """Begin a transition, or go on with one that is under way for so much longer.
@@ -101,12 +99,15 @@ class Transition:
         time
             Time [s] of the transition; 0 to let changes come at once.
         """
-        self._left = self._past = None
+        self.under_way = False
+        self._past = False, 0
         if not (time > 0.0 and math.isfinite(period)):
             return
         if not self._narrows(limits, period, time):
             return
-        self._left = self._past = self._steps = math.ceil(time / period - SAME)
+        self._left = self._steps = math.ceil(time / period - SAME)
+        self.under_way = True
+        self._past = True, self._left
         self._time, self._period, self._limits = time, period, None
 
     @staticmethod
@@ -116,11 +117,11 @@ class Transition:
 
     def keep(self) -> None:
         """Let `undo` lead to the present state."""
-        self._past = self._left
+        self._past = self.under_way, self._left
 
     def undo(self) -> None:
         """Go back by a step."""
-        self._left = self._past
+        self.under_way, self._left = self._past
 
     def narrowed(
         self, hard: Bounds, before: Vector, limits: Limits, step: float, fill: Fill
@@ -204,13 +205,11 @@ class Transition:
         wish
             Velocities (n,) that the levels ask for inside the bounds.
         """
-        if self._left is None:
-            return
         self._left -= 1
         # An arm that keeps braking for a distance would never come to an ordinary step.
         goes_on = self._left > -self._steps if self.yields else self._meets(wish)
         if self._left <= 0 and not goes_on:
-            self._left = None
+            self.under_way = False
 
     def _meets(self, wish: Vector) -> bool:
         """Whether a velocity is at a bound that the limits do not set."""
