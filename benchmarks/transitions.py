@@ -67,7 +67,7 @@ class Outcome(NamedTuple):
     acceleration: float
     """Largest change as a share of what limits of acceleration allow."""
     distance: float
-    """Least distance of a task that has been on for `BRAKING`, the arm being clear [m, rad]."""
+    """Least distance of a task from when the arm has been clear for `BRAKING` [m, rad]."""
     room: float
     """Least room of a joint's range [rad]."""
     seconds: float
@@ -207,8 +207,9 @@ def run(arm: str, limited: bool, seconds: float, interval: float, seed: int) -> 
         room = min(room, (q - limits.position_min).min(), (limits.position_max - q).min())
         kept = {name: stack.tasks[name].distance.min() for name in stack.safety_filter.kept}
         # A task that comes on ahead of a fast arm may find it too near to brake.
-        clear = {name: clear.get(name, i) for name in kept if name in clear or kept[name] >= 0.0}
         since = i - round(BRAKING / period)
+        clear = {name: clear.get(name, i) for name in kept}
+        clear |= {name: i for name in kept if kept[name] < 0.0 and clear[name] >= since}
         distance = min([distance, *(kept[name] for name in clear if clear[name] < since)])
         before, q = command, q + period * command
     return Outcome(
