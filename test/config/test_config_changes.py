@@ -24,6 +24,9 @@ GOOD = {
     'hierarchy': ['place', 'turn + tip'],
     'solver.damping': 0.5,
     'robot.limits.velocity': [0.2, 0.3, 0.4],
+    'solver.inverse': 'adaptive',
+    'transition_time': 0.0,
+    'tasks.place.enabled': False,
     'tasks.tip.gain': [5.0],
     'tasks.tip.target': [0.2, -0.3],
     'tasks.tip.feedforward': [0.3, 0.4],
@@ -59,7 +62,12 @@ BAD = [
     ({'tasks.tip.type': 'pose'}, 'tasks.tip.type', 'a change while running'),
     ({'robot.joints': ['a', 'b', 'c']}, 'robot.joints', 'a change while running'),
     ({'robot.dh.a': [1.0] * 3}, 'robot.dh.a', 'a change while running'),
-    ({'solver.type': 'recursive'}, 'solver.type', 'a change while running'),
+    ({'solver.type': 'hpq'}, 'solver.type', 'one of'),
+    ({'solver.type': 'projected_gradient'}, 'solver.objective.type', 'no value'),
+    ({'solver.saturation': 'soft'}, 'solver.saturation', 'one of'),
+    ({'solver.joint_weights': [1.0, 2.0]}, 'solver.joint_weights', '1, 3 or 9 values'),
+    ({'transition_time': -1.0}, 'transition_time', 'at least 0'),
+    ({'tasks.tip.enabled': 1}, 'tasks.tip.enabled', 'true or false'),
     ({'timeouts.joint_state': 1.0}, 'timeouts.joint_state', 'a change while running'),
     ({'solver.dampling': 0.1}, 'solver.dampling', 'an unknown parameter'),
     ({'tasks.nose.gain': [1.0]}, 'tasks.nose.gain', 'an unknown parameter'),
@@ -141,6 +149,13 @@ def stacks_and_changes(draw):
         changes['solver.damping'] = draw(numbers(0.01, 1))
     if draw(st.booleans()):
         changes['robot.limits.velocity'] = draw(positive_vectors(n, 0.1, 2))
+    if draw(st.booleans()):
+        changes['solver.type'] = draw(st.sampled_from(['recursive', 'hqp', 'augmented']))
+    if draw(st.booleans()):
+        changes['solver.saturation'] = draw(st.sampled_from(['null_space', 'uniform']))
+    for name in block['tasks']:
+        if draw(st.sampled_from([False, False, True])):
+            changes[f'tasks.{name}.enabled'] = False
     if draw(st.booleans()):
         names = draw(st.permutations(list(block['tasks'])))
         changes['hierarchy'] = list(names[: draw(st.integers(1, len(names)))])

@@ -180,9 +180,11 @@ def test_the_parameters_that_may_change_while_running_are_those_of_the_contract(
     tasks = {
         f'tasks.{name}.{leaf}'
         for name in nested_parameters()['tasks']
-        for leaf in ('gain', 'feedforward', 'target', 'weight')
+        for leaf in ('enabled', 'gain', 'feedforward', 'target', 'weight')
     }
-    assert runtime == {'hierarchy', 'resume', 'solver.damping', 'solver.settle'} | limits | tasks
+    solver = ('type', 'inverse', 'damping', 'singular_region', 'joint_weights', 'saturation')
+    solver = {f'solver.{key}' for key in (*solver, 'settle')}
+    assert runtime == {'hierarchy', 'resume', 'transition_time'} | solver | limits | tasks
 
 
 def test_the_schema_holds_the_parameters_of_every_task_type():

@@ -53,7 +53,7 @@ def test_errors_at_0_5_and_10_seconds_are_the_published_ones(config, name, goals
 
 def test_a5_a_higher_gain_settles_in_the_published_time(config):
     with ClosedLoop(config / 'a5_link_orientation.yaml') as loop:
-        loop.set_parameters({'tasks.ee_position.gain': [6.0]})
+        loop.set_parameters({'tasks.ee_position.gain': [6.0], 'transition_time': 0.0})
         loop.clear_record()
         loop.run(2.0)
         settled = loop.record.time_below('ee_position', 0.01)

@@ -213,7 +213,7 @@ def test_an_empty_hierarchy_means_rest_at_start_and_later(config):
         assert list(loop.state.position) == START
         loop.set_parameters({'hierarchy': ['ee_position']})
         loop.send_goal('ee_position', [1.0, -0.5])
-        loop.run(0.5)
+        loop.run(0.6)
         assert loop.state.message == ''
         assert np.abs(loop.state.command).max() > 0.2
         loop.set_parameters({'hierarchy': ['']})

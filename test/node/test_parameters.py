@@ -24,6 +24,7 @@ def start(loop):
             'tasks.ee_position.feedforward': [0.0, 0.0],
             'solver.damping': 0.1,
             'robot.limits.velocity': [1.0],
+            'transition_time': 0.0,
         }
     )
     loop.clear_record()
@@ -93,7 +94,8 @@ def test_velocity_limits_change_at_run_time(loop):
         ('solver.damping', -0.1, 'solver.damping: got -0.1; accepts a number of at least 0'),
         ('robot.limits.velocity', [1.0, 1.0], 'robot.limits.velocity: got 2 values'),
         ('robot.limits.velocity', [0.0], 'robot.limits.velocity: got .*above 0'),
-        ('solver.type', 'recursive', 'read-only'),
+        ('solver.type', 'hpq', "solver.type: got 'hpq'; accepts one of"),
+        ('rate', 10.0, 'read-only'),
         ('tasks.ee_position.frame', 'link_2', 'a change while running'),
         ('tasks.hand.gain', [1.0], 'tasks.hand.gain'),
     ],
@@ -133,7 +135,7 @@ def test_every_parameter_is_listed_and_described(loop):
         assert descriptor.additional_constraints, descriptor.name
     read_only = {d.name: d.read_only for d in response.descriptors}
     assert not read_only['solver.damping']
-    assert read_only['solver.type']
+    assert read_only['rate']
     assert value_of(loop, 'timeouts.feedforward') == 0.5
 
 

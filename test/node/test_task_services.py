@@ -143,7 +143,7 @@ def test_without_its_last_task_the_hierarchy_is_empty_and_takes_another_one(loop
     assert hierarchy(loop) == ['ball']
     assert 'no task' not in loop.state.message
     assert remove(loop).success
-    loop.step(1)
+    loop.run(1.0)
     assert hierarchy(loop) == ['']
     assert loop.state.message.startswith('no task in the hierarchy: at rest')
     loop.set_parameters({'hierarchy': before})

@@ -36,6 +36,7 @@ def moving_arms(draw, solvers=('recursive', 'hqp')):
         limits['acceleration'] = [draw(numbers(2, 20))]
     values['robot']['limits'] = limits
     values['rate'] = RATE
+    values['transition_time'] = 0.0
     values['solver']['type'] = draw(st.sampled_from(solvers))
     for task in values['tasks'].values():
         task['feedforward'] = [0.0] * len(task['feedforward'])
@@ -293,7 +294,8 @@ def test_every_scheme_can_start_without_a_level(scheme, empty):
     objective = {'solver.objective.type': 'joint_range'} if scheme in NEED_OBJECTIVE else {}
     ranges = {'robot.limits.position_min': [-3.0], 'robot.limits.position_max': [3.0]}
     values = flatten(values) | objective | ranges
-    run = Run(values | {'solver.type': scheme, 'hierarchy': empty}, START)
+    values |= {'solver.type': scheme, 'hierarchy': empty, 'transition_time': 0.0}
+    run = Run(values, START)
     watch = OscillationWatch(run.stack)
     for hierarchy in (empty, ['ee_position'], empty):
         run.stack.hierarchy = hierarchy

@@ -28,6 +28,7 @@ def block(switching='smooth', limits=LIMITS, **changes):
     return {
         'robot': arm | {'limits': limits, 'link_radius': [0.02]},
         'rate': 100.0,
+        'transition_time': 0.0,
         'hierarchy': ['range', 'ball', 'wall', 'hand'],
         'tasks': {
             'range': {'type': 'joint_limits', **shared},
@@ -169,7 +170,7 @@ def test_a_change_of_the_hierarchy_leaves_tasks_that_stay_as_they_are(how):
 def test_a_limit_of_acceleration_that_is_lifted_leaves_no_old_velocity_behind():
     """Without one a step starts from standstill, whatever the arm did before."""
     speeds = {'velocity': [1.0], 'position_min': [-2.0], 'position_max': [2.0]}
-    levels = {'hierarchy': ['hand', 'rest'], 'rate': 100.0}
+    levels = {'hierarchy': ['hand', 'rest'], 'rate': 100.0, 'transition_time': 0.0}
     levels['tasks'] = {
         'hand': {'type': 'position', 'frame': 'link_3', 'axes': 'xy', 'target': [0.5, 1.2]}
         | {'gain': [20.0]},

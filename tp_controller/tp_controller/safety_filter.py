@@ -15,6 +15,7 @@ from tp_controller.problem import checked_array
 from tp_controller.robot import Limits, Robot
 from tp_controller.solvers import Bounds
 from tp_controller.tasks import SetBasedTask
+from tp_controller.transition import Transition
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -60,6 +61,8 @@ class SafetyFilter:
     ----------
     arm
         What the arm makes of the commands.
+    transition
+        Narrows the bounds for a time after the stack has changed.
     stopped_by
         Names of the tasks for which the last command had to give way to braking.
     """
@@ -73,6 +76,7 @@ class SafetyFilter:
         self._step, self._acceleration = period, robot.limits.acceleration
         self._bounds = Bounds.of_speed(robot.limits.velocity)
         self.arm = Arm(robot.joints, robot.response, period, robot.space)
+        self.transition = Transition()
         self._late = not robot.response.ideal
         self._ahead = Lookahead(robot, self.arm, ())
         self.watch(())
@@ -106,11 +110,11 @@ class SafetyFilter:
     @property
     def memory(self) -> tuple[object, ...]:
         """Objects whose attributes are all that the filter remembers."""
-        return (self, self.arm, self._ahead)
+        return (self, self.arm, self._ahead, self.transition)
 
     @property
     def last_bounds(self) -> Bounds:
-        """Bounds that `bounds` gave last; the next call writes to their arrays."""
+        """Bounds by the limits, as of the last call of `bounds`, which writes to their arrays."""
         return self._bounds
 
     @property
@@ -136,6 +140,7 @@ class SafetyFilter:
     def undo(self) -> None:
         """Go back by a step: its configuration comes again, no time has passed."""
         self._before[:] = self._past
+        self.transition.undo()
         self._ahead.undo()
         self.arm.undo()
 
@@ -147,8 +152,16 @@ class SafetyFilter:
     def bounds(self) -> Bounds:
         """Bounds on the next velocities, at the reference configuration.
 
-        Their arrays are written to again by the next call.
+        In a transition they are narrower than the limits. Their arrays are written to again by
+        the next call.
         """
+        bounds = self._by_limits()
+        if not self.transition.under_way:
+            return bounds
+        step = self.arm.step
+        return self.transition.narrowed(bounds, self._before, self._robot.limits, step, self._fill)
+
+    def _by_limits(self) -> Bounds:
         limits = self._robot.limits
         if limits is not self._limits:
             self._use(limits)
@@ -163,6 +176,12 @@ class SafetyFilter:
                 limits.acceleration if slower == 1.0 else _fixed(limits.acceleration * slower)
             )
             self._bounds = self._bounds._replace(step=arm.step)
+        self._fill(self._acceleration, self._bounds)
+        return self._bounds
+
+    def _fill(self, acceleration: Vector, bounds: Bounds) -> None:
+        """Fill the bounds for limits of acceleration (n,)."""
+        arm, limits = self.arm, self._robot.limits
         if self._late:
             self._braking.bound_late(
                 arm.p,
@@ -170,7 +189,7 @@ class SafetyFilter:
                 limits.velocity,
                 limits.position_min,
                 limits.position_max,
-                self._acceleration,
+                acceleration,
                 arm.step,
                 self.period,
                 arm.response.noise,
@@ -178,20 +197,19 @@ class SafetyFilter:
                 arm.lower,
                 arm.held_upper,
                 arm.held_lower,
-                *self._bounds[1:5],
+                *bounds[1:5],
             )
-            return self._bounds
+            return
         self._braking.bound(
             arm.z,
             self._before,
             limits.velocity,
             limits.position_min,
             limits.position_max,
-            self._acceleration,
+            acceleration,
             arm.step,
-            *self._bounds[1:5],
+            *bounds[1:5],
         )
-        return self._bounds
 
     def _use(self, limits: Limits) -> None:
         # Compiled, or loaded, with the solver's kernel, not to refuse a parameter file.
@@ -233,20 +251,33 @@ class SafetyFilter:
         command
             The wished velocities, and then those to be sent.
         """
-        if not self._plain:
-            self._braking.approach(
-                command,
-                self._before,
-                self._robot.limits.acceleration,
-                self.period,
-                self._bounds.soon_lower,
-                self._bounds.soon_upper,
-                command,
-            )
+        transition = self.transition
+        if transition.under_way:
+            transition.pass_by(command)
+            self.approach(command)
+        elif not self._plain:
+            self.approach(command)
         if self._ahead.tasks:
             self._give_way(command)
         self._before[:] = command
         self.arm.send(command)
+
+    def approach(self, command: Vector) -> None:
+        """Bring a wished command (n,) to what this step allows, in the same direction."""
+        transition = self.transition
+        if transition.under_way:
+            acceleration, bounds = transition.acceleration(self._before), transition.bounds
+        else:
+            acceleration, bounds = self._robot.limits.acceleration, self._bounds
+        self._braking.approach(
+            command,
+            self._before,
+            acceleration,
+            self.period,
+            bounds.soon_lower,
+            bounds.soon_upper,
+            command,
+        )
 
     def step(
         self,
@@ -298,6 +329,8 @@ class SafetyFilter:
             task.update()
         if self.arm.following:
             np.clip(wished, bounds.soon_lower, bounds.soon_upper, out=command)
+        else:
+            self.transition.give_way()
         self.pass_on(command)
         return command
 
@@ -316,8 +349,8 @@ class SafetyFilter:
             self.arm.go_on(elapsed)
         # At rest nothing is compiled or loaded for it.
         if self._before.any():
-            self.bounds()
-            self._brake(command)
+            self._by_limits()
+            self.slow_down(command)
         else:
             command[:] = 0.0
         self._before[:] = command
@@ -329,10 +362,11 @@ class SafetyFilter:
     def _keep(self) -> None:
         """Let `undo` lead to the present state."""
         self._past[:] = self._before
+        self.transition.keep()
         self._ahead.keep()
 
-    def _brake(self, command: Vector) -> None:
-        """Fill the velocities (n,) of the next step of the braking trajectory."""
+    def slow_down(self, command: Vector) -> None:
+        """Fill the velocities (n,) of the next step of the braking trajectory; nothing is sent."""
         if not math.isfinite(self.period):
             command[:] = 0.0
             return
@@ -357,7 +391,7 @@ class SafetyFilter:
             return
         self.stopped_by = ahead.short
         stop = np.zeros(self._robot.n)
-        self._brake(stop)
+        self.slow_down(stop)
         for share in SHARES:
             trial = stop + share * (command - stop)
             if ahead.is_safe(trial, self._acceleration):

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
+KEPT = 1e-7
+"""A row of a set-based task [m/s, rad/s] that is missed by less is kept."""
 ENDLESS = 1e12
 """Speed [rad/s, m/s] that stands for any."""
 
@@ -107,6 +109,8 @@ class Stack:
     settle
         Whether levels that cannot get what they ask for come to rest, with a solver that can
         do that; else the published laws alone.
+    transition_time
+        Time [s] of transitions; 0 lets every change act at once. It needs ``rate``.
 
     Raises
     ------
@@ -123,6 +127,7 @@ class Stack:
         rate: float | None = None,
         tasks: Iterable[Task] = (),
         settle: bool = True,
+        transition_time: float = 0.0,
     ) -> None:
         if rate is not None and not 0.0 < rate < math.inf:
             raise InvalidValue('rate', shown(rate), 'a number above 0')
@@ -130,7 +135,7 @@ class Stack:
         members = [[level] if isinstance(level, Task) else list(level) for level in levels]
         self.robot = robot
         self.settle = settle
-        self.solver = solver_of(solver, robot.n) if isinstance(solver, str) else solver
+        self._solver = solver_of(solver, robot.n) if isinstance(solver, str) else solver
         self.tasks = named_tasks(robot, chain(tasks, *members), period)
         self._unaimed = [task for task in self.tasks.values() if task.target_size]
         self._just_aimed: list[Task] = []
@@ -139,21 +144,110 @@ class Stack:
         self._qd, self._wish, self._fastest = np.zeros((3, robot.n))
         self._command = _read_only(self._qd)
         self._members: list[list[Task]] = []
+        self._listed: list[list[str]] = []
+        self._transition_time = 0.0
+        for task in self.tasks.values():
+            task.changed = self._follow_task
         self.hierarchy = [' + '.join(task.name for task in level) for level in members]
+        self.transition_time = transition_time
 
     @property
     def members(self) -> Sequence[Sequence[Task]]:
-        """Tasks by level, highest first."""
+        """Tasks by level, highest first, without those that are off."""
         return tuple(tuple(tasks) for tasks in self._members)
 
     @property
     def hierarchy(self) -> Sequence[str]:
-        """Task names by level, highest first, ``a + b`` for two on one level."""
-        return tuple(' + '.join(task.name for task in members) for members in self._members)
+        """Task names by level, highest first, ``a + b`` for two on one level.
+
+        Tasks that are not `Task.enabled` keep their place, as if they were not listed; a level
+        without any other is left out, and without a level the arm rests.
+        """
+        return tuple(' + '.join(names) for names in self._listed)
 
     @hierarchy.setter
     def hierarchy(self, hierarchy: Sequence[str]) -> None:
-        members = self.check_hierarchy(hierarchy)
+        self.rearrange(hierarchy)
+
+    @property
+    def solver(self) -> Solver:
+        """What resolves the levels."""
+        return self._solver
+
+    @solver.setter
+    def solver(self, solver: Solver | str) -> None:
+        new = solver_of(solver, self.robot.n) if isinstance(solver, str) else solver
+        self.rearrange(solver=new)
+
+    def rearrange(
+        self,
+        hierarchy: Sequence[str] | None = None,
+        enabled: Mapping[str, bool] | None = None,
+        solver: Solver | None = None,
+    ) -> None:
+        """Change hierarchy, tasks that are on and solver in one, as a transition.
+
+        Parameters
+        ----------
+        hierarchy
+            Task names by level, highest first.
+        enabled
+            Whether tasks take part, by name; the others stay as they are.
+        solver
+            Resolves the levels from now on.
+
+        Raises
+        ------
+        InvalidValue
+            As `check_hierarchy`; nothing has changed then.
+        """
+        hierarchy = self.hierarchy if hierarchy is None else hierarchy
+        members = self.check_hierarchy(hierarchy, enabled=enabled, solver=solver)
+        for name, on in (enabled or {}).items():
+            self.tasks[name].switch(on)
+        self._solver = self._solver if solver is None else solver
+        self._listed = split_hierarchy(hierarchy, self.tasks)
+        self._arrange(members)
+        self.begin_transition()
+
+    def _follow_task(self) -> None:
+        """Follow a task whose gain has changed, or which was switched on or off."""
+        on = [task for task in self._in_order() if task.enabled]
+        if on != list(chain.from_iterable(self._members)):
+            self.rearrange()
+        else:
+            self.begin_transition()
+
+    def _in_order(self) -> Iterator[Task]:
+        return (self.tasks[name] for name in chain.from_iterable(self._listed))
+
+    @property
+    def transition_time(self) -> float:
+        """Time [s] of transitions; 0 lets every change act at once."""
+        return self._transition_time
+
+    @transition_time.setter
+    def transition_time(self, value: float) -> None:
+        if not 0.0 <= value < math.inf:
+            raise InvalidValue('transition_time', shown(value), 'a number of at least 0')
+        self._transition_time = float(value)
+
+    def begin_transition(self) -> None:
+        """Bound the change of the command from the next step on, for `transition_time`.
+
+        Changes of hierarchy, tasks that are on, solver, gains and limits begin one by themselves.
+        """
+        period = self.safety_filter.period
+        transition = self.safety_filter.transition
+        transition.begin(self.robot.limits, period, self._transition_time)
+
+    @property
+    def in_transition(self) -> bool:
+        """Whether a transition is under way."""
+        return self.safety_filter.transition.under_way
+
+    def _arrange(self, members: list[list[Task]]) -> None:
+        """Take over levels, which pass `check_hierarchy`."""
         # Who stays goes on as it is: rows that are in stay in.
         stays = set(chain.from_iterable(self._members)) & set(chain.from_iterable(members))
         for task in self.tasks.values():
@@ -185,6 +279,10 @@ class Stack:
             if not (task.parts or task.set_based)
         ]
         self._bounding = [task for task in self._ranked if isinstance(task, SetBasedTask)]
+        above = next((i for i, level in enumerate(members) if not all_set_based(level)), k)
+        guarded = [self._level_rows(level) for level in members[:above]]
+        # Rows that are to keep distances whatever else is asked for.
+        self._guarded = slice(0, guarded[-1].stop if guarded else 0)
         bends = [np.zeros(task.k) if task.set_based else task.bend for task in self._ranked]
         self._curvature = Curvature(
             self._errors,
@@ -277,12 +375,14 @@ class Stack:
     def add(self, task: Task) -> None:
         """Load a task of a new name, outside the hierarchy."""
         self.tasks[task.name] = task
+        task.changed = self._follow_task
         if task.target_size:
             self._unaimed.append(task)
 
     def remove(self, name: str) -> None:
         """Forget a task outside the hierarchy."""
         task = self.tasks.pop(name)
+        task.changed = _nothing
         self._unaimed = [other for other in self._unaimed if other is not task]
 
     def prepare_solver(self) -> None:
@@ -321,6 +421,7 @@ class Stack:
             self.robot.limits = limits
             for follow in followers:
                 follow()
+            self.begin_transition()
 
         return apply
 
@@ -342,8 +443,10 @@ class Stack:
         hierarchy: Sequence[str],
         damping: float | None = None,
         tasks: Mapping[str, Task] | None = None,
+        enabled: Mapping[str, bool] | None = None,
+        solver: Solver | None = None,
     ) -> list[list[Task]]:
-        """Tasks of every level.
+        """Tasks of every level, without those that are off.
 
         Parameters
         ----------
@@ -353,6 +456,10 @@ class Stack:
             λ that the solver is to have; the present one when left out.
         tasks
             Tasks by name that it may have; the present ones when left out.
+        enabled
+            Whether tasks are to take part, by name, where that changes.
+        solver
+            What is to resolve the levels; the present one when left out.
 
         Raises
         ------
@@ -360,10 +467,12 @@ class Stack:
             If a name is unknown, a task stands twice or the solver cannot resolve the levels.
         """
         tasks = self.tasks if tasks is None else tasks
+        on = {name: task.enabled for name, task in tasks.items()} | dict(enabled or {})
         levels = split_hierarchy(hierarchy, tasks)
-        members = [[tasks[name] for name in names] for names in levels]
+        members = [[tasks[name] for name in names if on[name]] for names in levels]
+        members = [level for level in members if level]
         if members:
-            self.solver.check(members, damping)
+            (solver or self.solver).check(members, damping)
         return members
 
     def systems(self) -> list[System]:
@@ -401,9 +510,13 @@ class Stack:
         return self.safety_filter.last_bounds.met(self._wish) != 0
 
     def level_of(self, name: str) -> int:
-        """Level of a task, 0 is the highest; -1 outside the hierarchy."""
-        for i, level in enumerate(self._results):
-            if name in level.tasks:
+        """Level of a task, 0 is the highest; -1 if it is off or outside the hierarchy."""
+        return self.place_of(name) if name in self._rows else -1
+
+    def place_of(self, name: str) -> int:
+        """List position of a task in the hierarchy, on or off; -1 outside it."""
+        for i, names in enumerate(self._listed):
+            if name in names:
                 return i
         return -1
 
@@ -475,7 +588,7 @@ class Stack:
             if not np.array_equal(reference, state.q):
                 state = self.robot.state(reference)
             bounds = self.safety_filter.bounds()
-            self._expect(bounds)
+            self._expect(self.safety_filter.last_bounds)
             levels = [joined([task.rows(state) for task in tasks]) for tasks in self._members]
             return Problem(
                 tuple(levels),
@@ -540,25 +653,53 @@ class Stack:
             # What overflows is not finite and refused below.
             with np.errstate(over='ignore', invalid='ignore'):
                 bounds = self.safety_filter.bounds()
-                self._expect(bounds)
+                self._expect(self.safety_filter.last_bounds)
                 self._fill()
-                scale = self.solver.solve(
+                scale = self._solver.solve(
                     self._J,
                     self._velocity,
                     bounds,
                     self._wish,
                     self._curvature if self.settle else None,
                 )
+                if self.safety_filter.transition.under_way:
+                    self._keep_distances()
         except np.linalg.LinAlgError:
             self._refuse(q)
         if self._unaimed:
             self._unaimed, self._just_aimed = [], []
         if not self.arm.following:
             self._wish[:] = 0.0
+            self.safety_filter.transition.give_way()
         self._qd[:] = self._wish
         self.safety_filter.pass_on(self._qd)
         np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
+
+    def _keep_distances(self) -> None:
+        """In a transition, brake beyond its bounds as far as set-based tasks need it.
+
+        At rest no distance shrinks, and the velocities that keep distances are a convex set: the
+        answer goes towards braking as far as needed. Where a distance has to grow, it is enough
+        that it shrinks no more.
+        """
+        rows, safety_filter = self._guarded, self.safety_filter
+        if not rows.stop:
+            return
+        J, command = self._J[rows], self._wish.copy()
+        safety_filter.approach(command)
+        least, rates = np.minimum(self._velocity[rows], 0.0), J @ command
+        broken = rates < least - KEPT
+        if not broken.any():
+            return
+        stop = np.zeros(self.robot.n)
+        safety_filter.slow_down(stop)
+        gained = J @ stop - rates
+        broken &= gained > 0.0
+        shares = np.minimum((least - rates)[broken] / gained[broken], 1.0)
+        if shares.size:
+            safety_filter.transition.give_way()
+            self._wish[:] = command + shares.max() * (stop - command)
 
     def _answer_with_braking(self) -> Step:
         """Answer the state that was taken with braking."""
@@ -566,7 +707,13 @@ class Stack:
             self._fill()
         self._unaimed, self._just_aimed = [], []
         self._wish[:] = 0.0
-        self.safety_filter.brake(self._qd)
+        if self.in_transition and not self.held:
+            # Without a level, rest is what the hierarchy has come to.
+            self.safety_filter.bounds()
+            self._qd[:] = 0.0
+            self.safety_filter.pass_on(self._qd)
+        else:
+            self.safety_filter.brake(self._qd)
         np.dot(self._J, self._qd, out=self._achieved)
         return Step(self._command, 1.0, self._results)
 
@@ -653,6 +800,7 @@ class Stack:
         if not np.isfinite(q).all():
             raise UnusableState(message)
         self.safety_filter.bounds()
+        self.safety_filter.transition.give_way()
         self.safety_filter.pass_on(self._qd)
         raise UnusableState(message, self._command)
 
@@ -686,6 +834,11 @@ def named_tasks(robot: Robot, tasks: Iterable[Task], period: float) -> dict[str,
     return named
 
 
+def all_set_based(tasks: Iterable[Task]) -> bool:
+    """Whether all tasks of a level keep distances."""
+    return all(task.set_based for task in tasks)
+
+
 def split_hierarchy(hierarchy: Sequence[str], known: Collection[str]) -> list[list[str]]:
     """Task names of every level, highest first.
 
@@ -714,6 +867,10 @@ def split_hierarchy(hierarchy: Sequence[str], known: Collection[str]) -> list[li
             raise InvalidValue('hierarchy', f'{shown(name)} twice', 'every task once')
         seen.add(name)
     return levels
+
+
+def _nothing() -> None:
+    """Follow no task."""
 
 
 def _read_only(array: Vector) -> Vector:

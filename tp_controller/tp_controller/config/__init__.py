@@ -1,6 +1,6 @@
 """From the dictionary of a parameter file to a robot, tasks and a stack."""
 
-from tp_controller.config.additions import build_addition, check_removal, remove
+from tp_controller.config.additions import build_addition, remove
 from tp_controller.config.build import (
     Settings,
     arm_joints,
@@ -13,7 +13,15 @@ from tp_controller.config.build import (
     read_parameters,
 )
 from tp_controller.config.changes import check_changes
-from tp_controller.config.files import empty_list, read_blocks, read_parameter_file, read_task
+from tp_controller.config.files import (
+    empty_list,
+    read_blocks,
+    read_parameter_file,
+    read_task,
+    read_text,
+)
+from tp_controller.config.requests import Request, check_request, remaining, split_request
+from tp_controller.config.saving import parameter_text, present_parameters, write_text
 from tp_controller.config.schema import (
     HOLD,
     PRESENT,
@@ -35,6 +43,7 @@ __all__ = [
     'SHARED',
     'START',
     'TARGETS',
+    'Request',
     'Settings',
     'arm_joints',
     'build_addition',
@@ -43,18 +52,24 @@ __all__ = [
     'build_stack',
     'build_task',
     'check_changes',
-    'check_removal',
+    'check_request',
     'controller_schema',
     'describe_robot',
     'empty_list',
     'know_rate',
+    'parameter_text',
+    'present_parameters',
     'read_blocks',
     'read_parameter_file',
     'read_parameters',
     'read_task',
+    'read_text',
+    'remaining',
     'remove',
     'robot_source',
     'shared_schema',
     'task_names',
     'task_schema',
+    'split_request',
+    'write_text',
 ]

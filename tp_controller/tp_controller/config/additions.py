@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from tp_controller.config.build import Settings, build_task
 from tp_controller.config.schema import task_schema
-from tp_controller.errors import InvalidValue, listed, shown
+from tp_controller.errors import InvalidValue
 from tp_controller.parameters import Flat, flatten, read_all
 from tp_controller.robot import Limits
 from tp_controller.stack import Stack
@@ -49,8 +49,7 @@ class Addition(NamedTuple):
             resolved.
         """
         stack, name = self.settings.stack, self.task.name
-        if stack.tasks.get(name) is not self.task:
-            _check_new(stack, name)
+        self.check_new()
         levels = list(stack.hierarchy)
         if not IDLE <= level <= len(levels):
             accepts = f'-1 (idle) or 0 (highest) to {len(levels)} (lowest)'
@@ -59,6 +58,17 @@ class Addition(NamedTuple):
             levels.insert(level, name)
             stack.check_hierarchy(levels, tasks=stack.tasks | {name: self.task})
         return tuple(levels)
+
+    def check_new(self) -> None:
+        """Check that there is no other task of that name by now.
+
+        Raises
+        ------
+        InvalidValue
+            If there is.
+        """
+        if self.settings.stack.tasks.get(self.task.name) is not self.task:
+            _check_new(self.settings.stack, self.task.name)
 
     def load(self) -> None:
         """Load the task, still outside the hierarchy."""
@@ -99,24 +109,6 @@ def build_addition(settings: Settings, name: str, parameters: Mapping[str, Any])
 def _check_new(stack: Stack, name: str) -> None:
     if name in stack.tasks:
         raise InvalidValue(f'tasks.{name}', 'a second task of that name', 'a new name')
-
-
-def check_removal(stack: Stack, name: str) -> tuple[str, ...]:
-    """Levels that remain without a task; nothing has changed yet.
-
-    Raises
-    ------
-    InvalidValue
-        If there is no such task, or the others cannot be resolved without it.
-    """
-    if name not in stack.tasks:
-        raise InvalidValue('name', shown(name), f'one of {listed(stack.tasks)}')
-    levels = []
-    for level in stack.hierarchy:
-        names = [other for other in level.split(' + ') if other != name]
-        levels += [' + '.join(names)] if names else []
-    stack.check_hierarchy(levels)
-    return tuple(levels)
 
 
 def remove(settings: Settings, name: str) -> list[str]:

@@ -36,7 +36,7 @@ from tp_controller.robot.bodies import CAPSULES, LINK_RADIUS
 from tp_controller.robot.motions import BASE, FIXED
 from tp_controller.robot.response import KEYS as RESPONSE
 from tp_controller.robot.srdf import SRDF
-from tp_controller.solvers import SOLVER_TYPES, Inverse
+from tp_controller.solvers import SOLVER_TYPES, Inverse, Solver
 from tp_controller.stack import Stack, split_hierarchy
 from tp_controller.tasks import TASK_TYPES, Task
 
@@ -227,18 +227,37 @@ def _dh_arm(values: Flat) -> tuple[Sequence[str], DHParameters, str | None]:
 def build_stack(robot: Robot, values: Flat) -> Stack:
     """Build the stack of checked values on a robot."""
     tasks = [build_task(name, robot, values) for name in task_names(values)]
-    solver = SOLVER_TYPES[values['solver.type']](
+    solver = build_solver(robot, values)
+    named = {task.name: task for task in tasks}
+    levels = [
+        [named[name] for name in names] for names in split_hierarchy(values['hierarchy'], named)
+    ]
+    return Stack(
+        robot,
+        levels,
+        solver,
+        values['rate'],
+        tasks,
+        values['solver.settle'],
+        values['transition_time'],
+    )
+
+
+def build_solver(robot: Robot, values: Flat) -> Solver:
+    """Build the solver of checked values.
+
+    Raises
+    ------
+    InvalidValue
+        If they do not suit the robot or each other.
+    """
+    return SOLVER_TYPES[values['solver.type']](
         robot.n,
         Inverse(*(values[f'solver.{key}'] for key in INVERSE)),
         values['solver.joint_weights'],
         _objective(robot, values),
         values['solver.saturation'],
     )
-    named = {task.name: task for task in tasks}
-    levels = [
-        [named[name] for name in names] for names in split_hierarchy(values['hierarchy'], named)
-    ]
-    return Stack(robot, levels, solver, values['rate'], tasks, values['solver.settle'])
 
 
 def _period(values: Flat) -> float:
@@ -272,6 +291,7 @@ def build_task(name: str, robot: Robot, values: Flat) -> Task:
         own['period'] = _period(values)
         task = TASK_TYPES[own['type']].from_parameters(name, robot, own)
         task.period = own['period']
+        task.enabled = own['enabled']
         task.gain = own['gain']
         task.weight = own['weight']
         task.inverse = Inverse(*(own[key] for key in INVERSE))

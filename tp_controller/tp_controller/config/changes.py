@@ -2,29 +2,52 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterator, Mapping, Sized
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from tp_controller.config.build import Settings
+from tp_controller.config.build import Settings, build_solver
 from tp_controller.config.risks import hierarchy_risks, limit_risks
+from tp_controller.config.schema import RESUME
 from tp_controller.errors import InvalidValue, shown
-from tp_controller.parameters import Parameter, alternatives
+from tp_controller.parameters import Flat, Parameter, alternatives
 from tp_controller.robot import Limits
 from tp_controller.stack import Stack
 from tp_controller.tasks import Task
 
 LIMITS = 'robot.limits.'
 DAMPING = 'solver.damping'
+REBUILT = tuple(
+    f'solver.{key}'
+    for key in ('type', 'inverse', 'singular_region', 'joint_weights', 'saturation')
+)
+"""Parameters that a new solver is made for."""
+TRANSITION = 'transition_time'
+AT_REST = (TRANSITION, RESUME)
+"""Parameters that move nothing."""
 HIERARCHY = 'hierarchy'
 MOST = 10_000
 """Values, or letters, of one parameter: more would hold up the cycle."""
 
 
+def read_changes(schema: Mapping[str, Parameter], changes: Mapping[str, Any]) -> Flat:
+    """Values of parameters that may change while running, in their plain form.
+
+    Raises
+    ------
+    InvalidValue
+        As `check_changes`, as far as the schema tells.
+    """
+    return {key: _read(key, value, schema) for key, value in changes.items()}
+
+
 def check_changes(
-    settings: Settings, schema: Mapping[str, Parameter], changes: Mapping[str, Any]
+    settings: Settings,
+    schema: Mapping[str, Parameter],
+    changes: Mapping[str, Any],
+    tasks: Mapping[str, Task] | None = None,
 ) -> Callable[[], tuple[str, ...]]:
     """Check parameter changes without making them.
 
@@ -36,6 +59,9 @@ def check_changes(
         Its parameters by dotted key.
     changes
         New values by dotted key.
+    tasks
+        Tasks by name that the hierarchy may have; the present ones when left out. With others
+        the changes are only checked.
 
     Returns
     -------
@@ -49,7 +75,7 @@ def check_changes(
         For an unknown parameter, one that cannot change while running, or a value that
         is not accepted. Nothing has changed then.
     """
-    checked = {key: _read(key, value, schema) for key, value in changes.items()}
+    checked = read_changes(schema, changes)
     stack = settings.stack
     steps: list[Callable[[], None]] = [partial(settings.values.update, checked)]
     risks: list[str] = []
@@ -62,22 +88,19 @@ def check_changes(
         _check_slides(stack, limits)
         steps.append(_prepare_limits(stack, limits, given))
         risks += limit_risks(stack.robot.joints, stack.robot.limits, limits)
-    members = _check_levels(stack, checked)
-    if members is not None:
-        risks += hierarchy_risks(stack.members, members)
-    # The damping first: the levels are checked again, with it, when they are set.
-    if DAMPING in checked:
-        steps.append(partial(setattr, stack.solver, 'damping', checked[DAMPING]))
+    if TRANSITION in checked:
+        steps.append(partial(setattr, stack, TRANSITION, checked[TRANSITION]))
+    steps += _rearrangement(settings, checked, tasks, risks)
     for key, value in checked.items():
-        if key == HIERARCHY:
-            steps.append(partial(setattr, stack, 'hierarchy', value))
-        elif key == 'solver.settle':
+        if key == 'solver.settle':
             steps.append(partial(setattr, stack, 'settle', value))
         elif key == 'solver.objective.gain':
             steps.append(partial(setattr, stack.solver.objective, 'gain', value))
         elif key.startswith('tasks.'):
             _, name, leaf = key.split('.')
             task = stack.tasks[name]
+            if leaf == 'enabled':
+                continue
             if leaf == 'weight':
                 steps += [partial(setattr, task, leaf, value), stack.prepare_solver]
                 continue
@@ -86,6 +109,9 @@ def check_changes(
             except InvalidValue as error:
                 raise error.under(f'tasks.{name}') from None
             steps.append(partial(setattr, task, leaf, value))
+    # Targets are ordinary motion.
+    if any(key not in AT_REST and not key.endswith('.target') for key in checked):
+        steps.append(stack.begin_transition)
 
     def apply() -> tuple[str, ...]:
         before = _warnings(stack)
@@ -129,24 +155,56 @@ def _check_slides(stack: Stack, limits: Limits) -> None:
             )
 
 
-def _check_levels(stack: Stack, checked: Mapping[str, Any]) -> Sequence[Sequence[Task]] | None:
-    """Check that the levels can be resolved, as they are to be and with the damping to come.
+def _rearrangement(
+    settings: Settings,
+    checked: Mapping[str, Any],
+    tasks: Mapping[str, Task] | None,
+    risks: list[str],
+) -> Iterator[Callable[[], None]]:
+    """Check the levels as they are to be, and the solver that is to resolve them.
 
-    Returns
-    -------
-    sequence or None
-        Tasks by level; None if nothing changes about the levels.
+    Parameters
+    ----------
+    settings
+        What the controller runs on.
+    checked
+        New values by dotted key.
+    tasks
+        Tasks by name that the hierarchy may have; the present ones when left out.
+    risks
+        Texts about what becomes less safe are added to it.
+
+    Yields
+    ------
+    callable
+        What makes the changes, which cannot fail.
     """
-    if HIERARCHY not in checked and DAMPING not in checked:
-        return None
+    stack = settings.stack
+    enabled = {
+        key.split('.')[1]: value
+        for key, value in checked.items()
+        if key.startswith('tasks.') and key.endswith('.enabled')
+    }
+    anew = [key for key in REBUILT if key in checked]
+    solver = build_solver(stack.robot, settings.values | dict(checked)) if anew else None
+    damping = None if anew else checked.get(DAMPING)
+    if not (HIERARCHY in checked or DAMPING in checked or enabled or anew):
+        return
+    hierarchy = checked.get(HIERARCHY, stack.hierarchy)
     try:
-        levels = checked.get(HIERARCHY, stack.hierarchy)
-        return stack.check_hierarchy(levels, checked.get(DAMPING))
+        members = stack.check_hierarchy(hierarchy, damping, tasks, enabled, solver)
     except InvalidValue as error:
-        if HIERARCHY in checked:
+        blamed = next((key for key in (*anew, DAMPING) if key in checked), None)
+        if HIERARCHY in checked or enabled or blamed is None:
             raise
-        got = f'{checked[DAMPING]}, which leaves {error.got}'
-        raise InvalidValue(DAMPING, got, error.accepts) from None
+        got = f'{shown(checked[blamed])}, which leaves {error.got}'
+        raise InvalidValue(blamed, got, error.accepts) from None
+    risks += hierarchy_risks(stack.members, members)
+    if damping is not None:
+        # First: the levels are checked again, with it, when they are set.
+        yield partial(setattr, stack.solver, 'damping', damping)
+    if HIERARCHY in checked or enabled or anew:
+        yield partial(stack.rearrange, hierarchy, enabled, solver)
 
 
 def _read(key: str, value: Any, schema: Mapping[str, Parameter]) -> Any:

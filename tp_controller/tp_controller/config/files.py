@@ -20,6 +20,7 @@ DEEPEST = 8
 MOST = 5000
 """Values, keys included, in such a text."""
 TASK = 'YAML of a task, such as {type: obstacle, frame: link_3, ...}'
+CHANGE = 'YAML of what stands under ros__parameters, such as {hierarchy: [tip], ...}'
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -43,9 +44,10 @@ class _StrictLoader(yaml.SafeLoader):
 class _BoundedLoader(_StrictLoader):
     """YAML of bounded depth and count, without aliases: looked at while it is parsed."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, accepts: str) -> None:
         super().__init__(text)
         self._depth = self._count = 0
+        self._accepts = accepts
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):
@@ -53,9 +55,10 @@ class _BoundedLoader(_StrictLoader):
         self._depth += 1
         self._count += 1
         if self._depth > DEEPEST + 1:
-            raise InvalidValue('parameters', f'more than {DEEPEST} blocks inside each other', TASK)
+            got = f'more than {DEEPEST} blocks inside each other'
+            raise InvalidValue('parameters', got, self._accepts)
         if self._count > MOST:
-            raise InvalidValue('parameters', f'more than {MOST} values', TASK)
+            raise InvalidValue('parameters', f'more than {MOST} values', self._accepts)
         node = super().compose_node(parent, index)
         self._depth -= 1
         return node
@@ -77,20 +80,42 @@ def read_task(text: str) -> dict[str, Any]:
     Raises
     ------
     InvalidValue
+        As `read_text`.
+    """
+    return read_text(text, TASK)
+
+
+def read_text(text: str, accepts: str = CHANGE) -> dict[str, Any]:
+    """Parameters from a YAML text that anyone may have sent.
+
+    Parameters
+    ----------
+    text
+        The text.
+    accepts
+        What it should be, in words.
+
+    Raises
+    ------
+    InvalidValue
         If the text is longer than `LONGEST`, holds more than `MOST` values, blocks deeper than
         `DEEPEST` or an alias, is not YAML, or not a block.
     """
     if len(text) > LONGEST:
         raise InvalidValue(
-            'parameters', f'{len(text)} characters', f'up to {LONGEST} characters of {TASK}'
+            'parameters', f'{len(text)} characters', f'up to {LONGEST} characters of {accepts}'
         )
     try:
-        block = yaml.load(text, Loader=_BoundedLoader)
+        loader = _BoundedLoader(text, accepts)
+        try:
+            block = loader.get_single_data()
+        finally:
+            loader.dispose()
     except (yaml.YAMLError, ValueError) as error:
         problem = ' '.join(str(getattr(error, 'problem', error)).split())
-        raise InvalidValue('parameters', f'{shown(text)}: {problem}', TASK) from None
+        raise InvalidValue('parameters', f'{shown(text)}: {problem}', accepts) from None
     if not isinstance(block, dict) or not block:
-        raise InvalidValue('parameters', shown(text), TASK)
+        raise InvalidValue('parameters', shown(text), accepts)
     return block
 
 

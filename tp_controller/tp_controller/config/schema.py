@@ -140,13 +140,18 @@ SHARED: Mapping[str, Parameter] = {
 CONTROLLER: Mapping[str, Parameter] = {
     **SHARED,
     'solver.type': Parameter(
-        TEXT, 'How the levels are resolved', default='recursive', choices=SOLVER_TYPES
+        TEXT,
+        'How the levels are resolved',
+        default='recursive',
+        choices=SOLVER_TYPES,
+        runtime=True,
     ),
     'solver.inverse': Parameter(
         TEXT,
         'Damped least squares, pseudo-inverse, or damping near singularities only',
         default=DEFAULT.type,
         choices=INVERSES,
+        runtime=True,
     ),
     'solver.damping': Parameter(
         NUMBER,
@@ -160,10 +165,12 @@ CONTROLLER: Mapping[str, Parameter] = {
         'ε, the singular value below which adaptive damping sets in',
         default=DEFAULT.region,
         above=0.0,
+        runtime=True,
     ),
     'solver.joint_weights': Parameter(
         NUMBERS,
         'W of the norm qdᵀ W qd to minimise: one value, one per joint, or a full matrix',
+        runtime=True,
     ),
     'solver.saturation': Parameter(
         TEXT,
@@ -171,6 +178,7 @@ CONTROLLER: Mapping[str, Parameter] = {
         'scale the whole command, whatever the priorities',
         default=SATURATIONS[0],
         choices=SATURATIONS,
+        runtime=True,
     ),
     'solver.settle': Parameter(
         BOOLEAN,
@@ -217,6 +225,15 @@ CONTROLLER: Mapping[str, Parameter] = {
         'goals that came during it always count',
         default=PRESENT,
         choices=RESUMES,
+        runtime=True,
+    ),
+    'transition_time': Parameter(
+        NUMBER,
+        'Time [s] of transitions: for so long after a change of the stack the command changes by '
+        'at most 2 · velocity limit · period / transition_time in a step; 0 lets changes act at '
+        'once; needs rate',
+        default=0.5,
+        minimum=0.0,
         runtime=True,
     ),
     'hierarchy': Parameter(

@@ -37,10 +37,10 @@ from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
 from tp_controller.ros.markers import Markers
 from tp_controller.ros.neighbours import Neighbours
 from tp_controller.ros.robot_node import HEARTBEAT, RobotNode
+from tp_controller.ros.stack_services import StackServices
 from tp_controller.ros.state import StateMessage
 from tp_controller.ros.state_watch import StateWatch
 from tp_controller.ros.task_inputs import TaskInputs
-from tp_controller.ros.task_services import TaskServices
 from tp_controller.ros.warnings import PERIOD as WARNING_PERIOD
 from tp_controller.ros.warnings import Warnings
 from tp_controller.tasks import Task
@@ -61,6 +61,8 @@ SERVE_SOON = 0.001
 """and while there is more to do."""
 EARLIEST = 0.9
 """Least time [periods] between two commands of braking."""
+TRANSITION = 'transition to a changed stack'
+"""Told in the state while one is under way."""
 IN_A_ROW = 3
 """So many joint states are answered before other work, if they wait already."""
 
@@ -147,7 +149,7 @@ class ControllerNode(RobotNode):
                 'than their library does: python -m tp_controller.compile_ahead makes it'
             )
         self._hold = Hold(self, self._settings, self.log, self._on_hold)
-        TaskServices(self, self._settings, self._on_task_added, self._on_task_removed)
+        StackServices(self, self._settings, self._on_task_added, self._on_task_removed)
         self.log.info(f'waiting for joint states; tasks by level: {self._levels()}')
         # What is there now stays: the collector need not look at it again, which takes long.
         gc.collect()
@@ -337,7 +339,8 @@ class ControllerNode(RobotNode):
     def _publish_state(self) -> None:
         self._due = False
         self._published = time.monotonic()
-        texts = (self._hold.message, self._warnings.message)
+        changing = TRANSITION if self._stack.in_transition else ''
+        texts = (self._hold.message, changing, self._warnings.message)
         self._state.msg.message = '; '.join(text for text in texts if text)
         self._state_publisher.publish(self._state.msg)
 

@@ -12,6 +12,7 @@ from tp_controller.ros.log import Log
 
 HELD = 'held by ~/hold'
 EMPTY = 'no task in the hierarchy'
+OFF = 'every task of the hierarchy is off'
 
 
 class Hold:
@@ -42,7 +43,8 @@ class Hold:
         """Why the arm is brought to rest and kept there; empty if it is not."""
         if not self._stack.resting:
             return ''
-        cause = HELD if self._stack.held else EMPTY
+        empty = OFF if self._stack.hierarchy else EMPTY
+        cause = HELD if self._stack.held else empty
         return f'{cause}: {"at rest" if self._stack.at_rest else "braking"}'
 
     def look(self) -> None:

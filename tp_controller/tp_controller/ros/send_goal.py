@@ -152,7 +152,8 @@ class _GoalSender:
         if after.rejected_goals > before.rejected_goals:
             raise GoalRefused(f'{arguments.task}: {after.message}')
         desired = ' '.join(f'{value:.4g}' for value in after.desired)
-        note = '' if after.enabled else ' (idle: the task is not in the hierarchy)'
+        why = 'the task is not in the hierarchy' if after.level < 0 else 'the task is off'
+        note = '' if after.enabled else f' (idle: {why})'
         if self._state is not None and self._state.held:
             note += ' (held: it counts once ~/hold is called with false)'
         return f'{arguments.task}: accepted, desired {desired}{note}'

@@ -79,9 +79,9 @@ class StateMessage:
         """Take over levels after the stack's hierarchy has changed."""
         self._explained, self._explanation = -EXPLANATION_PERIOD, None
         for name, entry in self._tasks.items():
-            level = self._stack.level_of(name)
-            velocities = self._stack.velocities_of(name) if level >= 0 else None
-            entry.set_level(level, velocities)
+            enabled = self._stack.level_of(name) >= 0
+            velocities = self._stack.velocities_of(name) if enabled else None
+            entry.set_level(self._stack.place_of(name), velocities)
 
     def refresh(self, command: Vector) -> None:
         """Fill in what the stack computed in its last step, and the command (n,)."""
@@ -181,10 +181,10 @@ class _TaskMessage:
         self.refresh_target()
 
     def set_level(self, level: int, velocities: tuple[Vector, Vector] | None) -> None:
-        """Put the task on a level, -1 outside the hierarchy, with its velocities there."""
+        """Put the task on a level, -1 outside the hierarchy, with its velocities if it is on."""
         self._velocities = velocities
         self.msg.level = level
-        self.msg.enabled = level >= 0
+        self.msg.enabled = velocities is not None
         self.msg.active = self.msg.enabled and self._task.active
         self._requested[:] = self._achieved[:] = 0.0
 

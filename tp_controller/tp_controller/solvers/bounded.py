@@ -139,9 +139,12 @@ class BoundedRecursion:
         if self._holds_joints:
             low, high = bounds.soon_lower, bounds.soon_upper
         before, change, step = self._still, self._unlimited, math.inf
+        if bounds.onward and bounds.before is not None and self._holds_joints:
+            before = self._before
+            before[:] = bounds.before
         if bounds.change is not None and bounds.before is not None:
             change = bounds.change
-            if self._holds_joints:
+            if self._holds_joints and not bounds.onward:
                 # Joints without such a limit start from standstill.
                 before = self._before
                 np.multiply(bounds.before, np.isfinite(change), out=before)

@@ -60,6 +60,8 @@ class Bounds(NamedTuple):
     """Velocities (n,) of the last step, where any joint has such a limit."""
     step: float = math.inf
     """Time [s] of one step."""
+    onward: bool = False
+    """Whether every joint starts from its last velocity, with such a limit or without."""
 
     def met(self, qd: Vector) -> NDArray[np.int64]:
         """-1 for joints (n,) whose velocity is at the lower bound of this step, 1 at the upper."""
@@ -68,7 +70,12 @@ class Bounds(NamedTuple):
 
     @property
     def start(self) -> Vector | None:
-        """Velocities (n,) of the last step, zero for joints without a limit of acceleration."""
+        """Velocities (n,) of the last step, zero for joints without a limit of acceleration.
+
+        In a transition these start from their last velocities, too.
+        """
+        if self.onward:
+            return self.before
         if self.change is None or self.before is None:
             return None
         return np.where(np.isfinite(self.change), self.before, 0.0)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, plural, shown
-from tp_controller.parameters import NUMBER, NUMBERS, REQUIRED, TEXT, Parameter
+from tp_controller.parameters import BOOLEAN, NUMBER, NUMBERS, REQUIRED, TEXT, Parameter
 from tp_controller.problem import Level
 from tp_controller.robot import Limits, Robot, State, moved
 from tp_controller.snapshot import unchanged
@@ -26,6 +26,12 @@ Matrix = NDArray[np.float64]
 
 COMMON: Mapping[str, Parameter] = {
     'type': Parameter(TEXT, 'Kind of task', default=REQUIRED),
+    'enabled': Parameter(
+        BOOLEAN,
+        'Whether the task takes part; off, it is as if hierarchy did not list it',
+        default=True,
+        runtime=True,
+    ),
     'gain': Parameter(
         NUMBERS,
         'Gain [1/s]: one value, one per row, or a full matrix row by row',
@@ -71,6 +77,8 @@ class Common(TypedDict, total=False):
     """Desired value (target_size,); that at the first step when left out."""
     inverse: Inverse
     """How its level is inverted; what is left open is the solver's way."""
+    enabled: bool
+    """Whether it takes part where the hierarchy lists it; True when left out."""
     weight: float
     """Weight in the scheme ``weighted``; 1 when left out."""
 
@@ -103,6 +111,9 @@ class Task(ABC):
         Time [s] of one step, which gains are judged by; infinite if unknown.
     revision
         Goes up whenever target, gain or feedforward are set.
+    changed
+        Called after `enabled` or `gain` was set; the stack that has the task then follows. What
+        it raises takes `enabled` back.
     """
 
     type: ClassVar[str]
@@ -115,6 +126,8 @@ class Task(ABC):
     """Whether the rows come and go."""
     one_sided: bool = False
     """Whether the desired velocity is the least one allowed."""
+    target_key: ClassVar[str] = 'target'
+    """Parameter that the target is at the start."""
     without: ClassVar[tuple[str, ...]] = ()
     """Common parameters that the kind has no use for."""
     feeds_back: ClassVar[bool] = True
@@ -135,6 +148,8 @@ class Task(ABC):
         self._target: Vector = np.zeros(0)  # empty before the first one
         self.revision = 0
         self._rows: CompiledRows | None = None
+        self._enabled = True
+        self.changed: Callable[[], None] = _nothing
 
     def set(self, settings: Common) -> None:
         """Set several settings by name.
@@ -391,6 +406,37 @@ class Task(ABC):
         self.revision += 1
 
     @property
+    def enabled(self) -> bool:
+        """Whether the task takes part where the hierarchy lists it."""
+        return self._enabled
+
+    @enabled.setter
+    def enabled(self, value: bool) -> None:
+        before = self._enabled
+        self._enabled = self.check_enabled(value)
+        try:
+            self.changed()
+        except InvalidValue:
+            self._enabled = before
+            raise
+
+    def switch(self, on: bool) -> None:
+        """Set `enabled` for a stack that follows by itself: `changed` is not called."""
+        self._enabled = self.check_enabled(on)
+
+    def check_enabled(self, value: bool) -> bool:
+        """Whether the task is to take part.
+
+        Raises
+        ------
+        InvalidValue
+            For anything but true or false.
+        """
+        if not isinstance(value, bool):
+            raise InvalidValue('enabled', shown(value), 'true or false')
+        return value
+
+    @property
     def gain(self) -> Matrix:
         """Gain matrix K (k, k) [1/s]; a copy."""
         return self._K.copy()
@@ -399,6 +445,7 @@ class Task(ABC):
     def gain(self, values: float | Sequence[float]) -> None:
         self._K = self.check_gain([values] if isinstance(values, int | float) else values)
         self.revision += 1
+        self.changed()
 
     def check_gain(self, values: Sequence[float]) -> Matrix:
         """Gain matrix (k, k) of one value, k values or k*k values row by row.
@@ -471,7 +518,7 @@ class Task(ABC):
 
 
 def _nothing() -> None:
-    """Follow limits without doing anything."""
+    """Follow limits, or a change, without doing anything."""
 
 
 def _counted(values: Sequence[float] | Vector) -> str:

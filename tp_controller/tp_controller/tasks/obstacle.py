@@ -93,6 +93,7 @@ class ObstacleTask(SetBasedTask):
         **THRESHOLDS,
     }
     without = ('target',)
+    target_key = 'center'
     target_words = 'centre per axis [m]'
 
     def __init__(

@@ -134,6 +134,7 @@ class WholeArmTask(ClearanceTask):
 
     type = 'obstacle'
     without = ('target',)
+    target_key = 'center'
     target_words = 'centre [m]'
 
     def __init__(
