@@ -28,12 +28,13 @@ from tp_controller.config import (
 from tp_controller.errors import InvalidValue
 from tp_controller.ros.commands import CommandPublisher
 from tp_controller.ros.cycle import ZEROS, ControlFailed, Cycle
-from tp_controller.ros.hold import Hold
+from tp_controller.ros.hold import HELD, Hold
 from tp_controller.ros.intake import Intake
 from tp_controller.ros.live_parameters import LiveParameters
 from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
 from tp_controller.ros.markers import Markers
 from tp_controller.ros.neighbours import Neighbours
+from tp_controller.ros.reach import ReachServer
 from tp_controller.ros.robot_node import HEARTBEAT, RobotNode
 from tp_controller.ros.state import StateMessage
 from tp_controller.ros.state_watch import StateWatch
@@ -119,7 +120,7 @@ class ControllerNode(RobotNode):
             self.log,
             rate,
             limit,
-            self._inputs.feedforwards,
+            self._inputs.answered,
             self._inputs.handle,
             self._found_rate if self._needs_rate() else None,
         )
@@ -140,6 +141,9 @@ class ControllerNode(RobotNode):
                 'than their library does: python -m tp_controller.compile_ahead makes it'
             )
         self._hold = Hold(self, self._settings, self.log, self._on_hold)
+        self._reach = ReachServer(
+            self, self._stack, self._inputs, self._inputs.answered, commands.velocity, self.log
+        )
         TaskServices(self, self._settings, self._on_task_added, self._on_task_removed)
         self.log.info(f'waiting for joint states; tasks by level: {self._levels()}')
         # What is there now stays: the collector need not look at it again, which takes long.
@@ -238,6 +242,8 @@ class ControllerNode(RobotNode):
         """Show at once that a hold has begun or ended, or that the arm has come to rest."""
         self._cycle.show_held()
         self._due = True
+        if self._stack.held:
+            self._reach.interrupt(HELD)
         if not self._stack.held and self._settings.values[RESUME] == PRESENT:
             self._warn_of_feedforwards('after the hold, though resume is present')
 
@@ -308,6 +314,8 @@ class ControllerNode(RobotNode):
             self._brake_at = math.inf
             self._inputs.robot_seen()
         self._hold.look()
+        if self._reach.active:
+            self._reach.look()
         return True
 
     def _publish_cycle(self, explain: bool) -> None:
@@ -345,6 +353,8 @@ class ControllerNode(RobotNode):
             self._brake()
             self._brake_at = now + self._cycle.braking_period
             self._heartbeat_at = -math.inf
+        if self._reach.active and not self._cycle.running:
+            self._reach.look_without_states()
         if self._cycle.running or now - self._heartbeat_at < 0.999 * HEARTBEAT:
             return
         self._heartbeat_at = now

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,10 @@ from rclpy.subscription import Subscription
 
 from tp_controller.config import Settings
 from tp_controller.errors import InvalidValue
+from tp_controller.ros.answered_time import AnsweredTime
 from tp_controller.ros.codecs import codec_of
 from tp_controller.ros.feedforward import FeedforwardOverrides
-from tp_controller.ros.goals import GoalReader
+from tp_controller.ros.goals import GoalReader, goal_message
 from tp_controller.ros.polled import subscribe, taker
 from tp_controller.ros.state import StateMessage
 from tp_controller.ros.warnings import Warnings
@@ -75,6 +76,8 @@ class TaskInputs:
     ----------
     feedforwards
         Those that hold at present.
+    answered
+        Time of the joint states, which they end by.
     """
 
     def __init__(
@@ -93,6 +96,7 @@ class TaskInputs:
         self.feedforwards = FeedforwardOverrides(
             settings.values['timeouts.feedforward'], self._configured
         )
+        self.answered = AnsweredTime(self.feedforwards)
         self.know_period(period)
         self._topics: list[_Topic] = []
         self._first = 0
@@ -171,8 +175,23 @@ class TaskInputs:
             # One message must not end the control of the arm.
             self._reject(task, topic.what, f'{type(error).__name__}: {error}')
 
+    def read_goal(self, task: Task, values: Sequence[float], frame_id: str) -> np.ndarray:
+        """Target (target_size,) of a task from values in a frame, as `goal_message` has them.
+
+        Raises
+        ------
+        InvalidValue
+            If they cannot be used.
+        """
+        msg = goal_message(self._state.task(task.name), values, frame_id)
+        return self._reader.target(task, msg)
+
     def _on_goal(self, task: Task, msg: Any) -> None:
-        task.target = self._reader.target(task, msg)
+        self.aim(task, self._reader.target(task, msg))
+
+    def aim(self, task: Task, target: np.ndarray) -> None:
+        """Set and show a task's target (target_size,)."""
+        task.target = target
         self._state.task(task.name).accepted_goals += 1
         self._state.refresh_target(task.name, self._reader.robot_seen)
 
