@@ -30,8 +30,12 @@ class AnsweredTime:
     """
 
     def __init__(self, *followers: Follower) -> None:
-        self._followers = followers
+        self._followers = list(followers)
         self.now = 0.0
+
+    def follow(self, follower: Follower) -> None:
+        """Let one more know it."""
+        self._followers.append(follower)
 
     def advance(self, seconds: float) -> None:
         """Let time pass.

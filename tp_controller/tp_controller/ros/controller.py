@@ -244,6 +244,7 @@ class ControllerNode(RobotNode):
         self._due = True
         if self._stack.held:
             self._reach.interrupt(HELD)
+            self._inputs.trajectories.end_all()
         if not self._stack.held and self._settings.values[RESUME] == PRESENT:
             self._warn_of_feedforwards('after the hold, though resume is present')
 
@@ -316,6 +317,8 @@ class ControllerNode(RobotNode):
         self._hold.look()
         if self._reach.active:
             self._reach.look()
+        if self._inputs.release:
+            self._inputs.release.look()
         return True
 
     def _publish_cycle(self, explain: bool) -> None:

@@ -44,12 +44,6 @@ SILENCE = 3.0
 """Time [s] without joint states after which goals are given up."""
 SILENT_FEEDBACK = 0.5
 """Time [s] between two feedback messages until then."""
-LONGEST_RELEASE = 2.0
-"""Time [s] for which a task that was given up follows the arm to its rest at most."""
-AT_REST = 1e-4
-"""Velocity [m/s, rad/s] of a task at rest."""
-PRESENT = 1e-9
-"""Largest error [m, rad] of a task whose target is its present value."""
 RESULT_KEPT = 10
 """Time [s] for which a result can be asked for."""
 OUTCOMES = {
@@ -171,10 +165,9 @@ class ReachServer:
         command: Vector,
         log: Log,
     ) -> None:
-        self._stack, self._inputs = stack, inputs
+        self._stack, self._inputs, self._release = stack, inputs, inputs.release
         self._answered, self._command, self._log = answered, command, log
         self._goals: list[_Goal] = []
-        self._released: list[tuple[Task, float]] = []
         self._seen = self._spoken = -math.inf
         self.active = False
         self._server = _Server(
@@ -192,8 +185,6 @@ class ReachServer:
         self._seen = time.monotonic()
         for goal in list(self._goals):
             self._see(goal)
-        if self._released:
-            self._follow_to_rest()
         self._note_active()
 
     def look_without_states(self) -> None:
@@ -218,7 +209,7 @@ class ReachServer:
         self._note_active()
 
     def _note_active(self) -> None:
-        self.active = bool(self._goals or self._released)
+        self.active = bool(self._goals)
 
     # Requests
 
@@ -233,8 +224,8 @@ class ReachServer:
         for other in list(self._goals):
             if shared := set(other.names) & {task.name for task in tasks}:
                 self._replace(other, f'a newer goal for {listed(sorted(shared))}', tasks)
-        self._released = [entry for entry in self._released if entry[0] not in tasks]
         for task, target in zip(tasks, targets, strict=True):
+            self._release.end(task)
             self._inputs.aim(task, target)
         self._goals.append(_Goal(handle, tasks, progress, self._answered.now))
         self._seen = self._spoken = time.monotonic()
@@ -408,9 +399,7 @@ class ReachServer:
         if outcome != Reach.Result.REACHED:
             for task, target in zip(goal.tasks, goal.targets, strict=True):
                 if task not in taken and task.settings[0] is target:
-                    self._stack.aim_at_present(task)
-                    end = self._answered.now + LONGEST_RELEASE
-                    self._released.append((task, end))
+                    self._release.begin(task)
         if outcome == Reach.Result.REACHED:
             goal.handle.succeed()
         elif outcome == Reach.Result.CANCELLED:
@@ -439,24 +428,6 @@ class ReachServer:
         if self._stack.solver.findings() is None:
             return f'{stay}; why is not known with this solver.type'
         return f'{stay}; its level lost nothing'
-
-    def _follow_to_rest(self) -> None:
-        """Let tasks that were given up keep the value that the arm brakes to, not that before."""
-        stack, now = self._stack, self._answered.now
-        still = []
-        for task, end in self._released:
-            name = task.name
-            if not task.settings[0].size:
-                # Given up just now: its target comes with the next step.
-                still.append((task, end))
-                continue
-            # A target that is not the present value is another one's.
-            if now >= end or stack.level_of(name) < 0 or np.abs(task.error).max() > PRESENT:
-                continue
-            if np.abs(stack.velocities_of(name)[1]).max() > AT_REST:
-                stack.aim_at_present(task)
-                still.append((task, end))
-        self._released = still
 
 
 def _words(lost: Iterable[_Lost]) -> str:

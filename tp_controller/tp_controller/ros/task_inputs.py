@@ -1,4 +1,4 @@
-"""Goals and feedforwards of tasks: the newest of each, a bounded amount of them at a time."""
+"""Goals and the like of tasks: the newest of each, a bounded amount of them at a time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,9 @@ from tp_controller.ros.codecs import codec_of
 from tp_controller.ros.feedforward import FeedforwardOverrides
 from tp_controller.ros.goals import GoalReader, goal_message
 from tp_controller.ros.polled import subscribe, taker
+from tp_controller.ros.release import Release
 from tp_controller.ros.state import StateMessage
+from tp_controller.ros.trajectories import Trajectories
 from tp_controller.ros.warnings import Warnings
 from tp_controller.tasks import Task
 
@@ -34,7 +36,7 @@ class _Topic:
     subscription
         Polled, of depth 1: of more than one message a newer one would take the place anyway.
     task, what
-        The task, and what a message is: goal or feedforward.
+        The task, and what a message is: goal, feedforward or trajectory.
     handler
         Takes a message over.
     """
@@ -54,7 +56,7 @@ class _Topic:
 
 
 class TaskInputs:
-    """Listens to goals and feedforwards.
+    """Listens to goals, feedforwards and trajectories.
 
     Messages stay with the middleware until `handle` takes them over: of each topic one message
     in a period, the newest. A flood of messages wakes up nobody.
@@ -78,6 +80,10 @@ class TaskInputs:
         Those that hold at present.
     answered
         Time of the joint states, which they end by.
+    release
+        Tasks that follow the arm to its rest.
+    trajectories
+        Those that follow a path.
     """
 
     def __init__(
@@ -97,6 +103,15 @@ class TaskInputs:
             settings.values['timeouts.feedforward'], self._configured
         )
         self.answered = AnsweredTime(self.feedforwards)
+        self.release = Release(settings.stack, self.answered)
+        self.trajectories = Trajectories(
+            settings.stack,
+            lambda: state.msg.header.stamp,
+            self.release,
+            self._configured,
+            settings.values['timeouts.feedforward'],
+        )
+        self.answered.follow(self.trajectories)
         self.know_period(period)
         self._topics: list[_Topic] = []
         self._first = 0
@@ -116,13 +131,14 @@ class TaskInputs:
         return [topic.subscription for topic in self._topics]
 
     def listen(self, task: Task) -> Iterator[None]:
-        """Take goals and feedforwards of a task, with a pause after each subscription."""
+        """Take goals and the like of a task, with a pause after each subscription."""
         codec = codec_of(task)
         if codec is None:
             return
         for message, what, handler in (
             (codec.message, 'goal', self._on_goal),
             (codec.feedforward_message, 'feedforward', self._on_feedforward),
+            (codec.trajectory_message, 'trajectory', self._on_trajectory),
         ):
             if message is not None:
                 name = f'~/{task.name}/{what}'
@@ -138,6 +154,8 @@ class TaskInputs:
         self._topics = [topic for topic in self._topics if topic.task is not task]
         self._first = 0
         self.feedforwards.forget(task)
+        self.trajectories.end(task)
+        self.release.end(task)
 
     def handle(self, seconds: float) -> bool:
         """Take over what waits, until a time [s] is over.
@@ -195,7 +213,15 @@ class TaskInputs:
         self._state.task(task.name).accepted_goals += 1
         self._state.refresh_target(task.name, self._reader.robot_seen)
 
+    def _on_trajectory(self, task: Task, msg: Any) -> None:
+        self.trajectories.begin(task, msg, self._reader)
+        self.feedforwards.forget(task)
+        self._state.task(task.name).accepted_goals += 1
+
     def _on_feedforward(self, task: Task, msg: Any) -> None:
+        if self.trajectories.runs(task):
+            got = 'one while a trajectory runs, which has its own'
+            raise InvalidValue('feedforward', got, 'ones without a trajectory')
         task.feedforward = self._reader.feedforward(task, msg, self._configured(task))
         self._state.task(task.name).accepted_feedforwards += 1
         self.feedforwards.begin(task)

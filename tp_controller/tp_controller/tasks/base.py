@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, plural, shown
-from tp_controller.parameters import NUMBER, NUMBERS, REQUIRED, TEXT, Parameter
+from tp_controller.parameters import BOOLEAN, NUMBER, NUMBERS, REQUIRED, TEXT, Parameter
 from tp_controller.problem import Level
 from tp_controller.robot import Limits, Robot, State, moved
 from tp_controller.snapshot import unchanged
@@ -46,6 +46,13 @@ COMMON: Mapping[str, Parameter] = {
     ),
     'weight': Parameter(
         NUMBER, 'Weight among all tasks with solver.type weighted', 1.0, above=0.0, runtime=True
+    ),
+    'time_scaling': Parameter(
+        BOOLEAN,
+        'Whether the time of a trajectory runs slower while limits or higher levels hold the task '
+        'up, so that it stays on its path; else it falls behind and catches up',
+        default=False,
+        runtime=True,
     ),
     'target': Parameter(
         NUMBERS,
@@ -99,6 +106,8 @@ class Task(ABC):
         How its level is inverted, where that differs from the solver's way.
     weight
         Its share in a weighted sum of all tasks.
+    time_scaling
+        Whether the time of its trajectories runs slower while it is held up.
     period
         Time [s] of one step, which gains are judged by; infinite if unknown.
     revision
@@ -129,6 +138,7 @@ class Task(ABC):
         self.J: Matrix = np.zeros((self.k, robot.n))
         self.inverse = Inverse()
         self.weight = 1.0
+        self.time_scaling = False
         self.period = math.inf
         self._K: Matrix = np.eye(self.k)
         self._feedforward: Vector = np.zeros(self.k)

@@ -92,7 +92,7 @@ class ObstacleTask(SetBasedTask):
         ),
         **THRESHOLDS,
     }
-    without = ('target',)
+    without = ('target', 'time_scaling')
     target_words = 'centre per axis [m]'
 
     def __init__(
