@@ -31,6 +31,14 @@ MARGIN = 24
 """with so many more on both sides: what is farther away changes them by less than 1e-13."""
 STILL = 1e-6
 """Speed [m/s, rad/s] of a path that rests, which cannot be slowed down."""
+SLOWEST = 0.02
+"""Least share of the speed of a path that is asked for,"""
+MORE, LESS = 1.05, 0.9
+"""and by how much it changes from step to step;"""
+ACROSS = 0.03
+"""less as soon as this share of the speed is missed across the path."""
+EXTRA = 0.1
+"""Share of a feedforward that is asked for in addition at most."""
 SMALL = 1e-6
 """Step of a finite difference."""
 
@@ -381,17 +389,63 @@ def check_times(times: Vector) -> None:
         raise InvalidValue(key, got, 'times that increase from point to point')
 
 
-def slowed(feedforward: Vector, achieved: Vector) -> float:
-    """Share of its speed that a path got, 0 to 1: the achieved velocity along the wanted one.
+class Pace(NamedTuple):
+    """How fast the time of a path runs, as shares of its speed."""
+
+    got: float
+    """What the last step got."""
+    asked: float
+    """What to ask for in the next one."""
+
+
+def pace(asked: float, feedforward: Vector, wanted: Vector, achieved: Vector) -> Pace:
+    """Slow a path down to what its task gets, so that it stays on it.
+
+    The time of the path runs as fast as the command moves along it. A level at its limits gives up
+    direction, too, when it is asked for more than it can do; so hardly more is asked for than it
+    got, and less while it misses something across the path, or has to come back to it.
+
+    Parameters
+    ----------
+    asked
+        Share of the speed that was asked for.
+    feedforward
+        Task velocity (k,) of the path at full speed.
+    wanted
+        Task velocity (k,) that was asked for with it: ``gain error + asked feedforward``.
+    achieved
+        That of the command (k,).
+    """
+    full = float(np.linalg.norm(feedforward))
+    if full <= STILL:
+        return Pace(1.0, 1.0)
+    along = feedforward / full
+    got = min(asked, max(0.0, float(achieved @ along) / full))
+    change = LESS if _across(wanted - achieved, along) > ACROSS * asked * full else MORE
+    back = _across(wanted, along) / full
+    return Pace(got, max(SLOWEST, min(1.0, change * got, 1.0 - back)))
+
+
+def _across(velocity: Vector, along: Vector) -> float:
+    return float(np.linalg.norm(velocity - (velocity @ along) * along))
+
+
+def made_up(feedforward: Vector, requested: Vector, achieved: Vector) -> Vector:
+    """What to ask for beside the feedforward (k,), to make up for what damping holds back.
+
+    A damped inverse gives ``s² / (s² + damping²)`` of what a level asks for along a direction with
+    the singular value s: an error of that share of the speed, divided by the gain, would remain.
+    What was missing in the last step is asked for in addition in the next one, up to `EXTRA` of
+    the feedforward's norm: where more is missing the cause is another, or damping is needed.
 
     Parameters
     ----------
     feedforward
-        Task velocity (k,) of the path at full speed.
-    achieved
-        That of the command (k,).
+        Task velocity (k,) of the path.
+    requested, achieved
+        Of the last step (k,), with what was asked for in addition then.
     """
-    size = float(feedforward @ feedforward)
-    if size <= STILL**2:
-        return 1.0
-    return min(1.0, max(0.0, float(achieved @ feedforward) / size))
+    # Less than was wanted, and what was asked for in addition then, add up to this.
+    missing = requested - achieved
+    size, most = float(np.linalg.norm(missing)), EXTRA * float(np.linalg.norm(feedforward))
+    return missing if size <= most else missing * (most / size)

@@ -16,7 +16,7 @@ from tp_controller.ros.state_watch import nanoseconds
 from tp_controller.ros.trajectory_messages import Begin
 from tp_controller.stack import Stack
 from tp_controller.tasks import Task
-from tp_controller.trajectory import TaskPath, slowed
+from tp_controller.trajectory import TaskPath, made_up, pace
 
 LATEST = 3600.0
 """Time [s] before its beginning at which a trajectory may come."""
@@ -39,10 +39,12 @@ class _Run:
 
     def __init__(self, path: TaskPath, time: float, fresh: bool, target: Any) -> None:
         self.path, self.time, self.fresh, self.target = path, time, fresh, target
-        self.speed = 1.0
-        """Share of its speed that the path has."""
+        self.speed = self.asked = 1.0
+        """Shares of its speed that the path has, and that is asked for."""
         self.feedforward: np.ndarray | None = None
         """At full speed; None before it has begun."""
+        self.extra = np.zeros(0)
+        """What is asked for in addition to it."""
 
 
 class Trajectories:
@@ -156,9 +158,13 @@ class Trajectories:
             self.end(task)
             return
         if run.feedforward is not None and seconds > 0.0:
-            run.speed = 1.0
+            requested, achieved = stack.velocities_of(task.name)
             if task.time_scaling:
-                run.speed = slowed(run.feedforward, stack.velocities_of(task.name)[1])
+                wanted = requested - run.extra
+                run.speed, run.asked = pace(run.asked, run.feedforward, wanted, achieved)
+            else:
+                run.speed = run.asked = 1.0
+            run.extra = made_up(run.asked * run.feedforward, requested, achieved)
         if run.fresh:
             run.fresh = False
         elif np.isfinite(seconds):
@@ -172,5 +178,7 @@ class Trajectories:
             return
         period = stack.safety_filter.period
         aim = run.path.aim(task, time, period if np.isfinite(period) else 0.0)
-        task.target, task.feedforward = aim.target, aim.feedforward
+        if run.feedforward is None:
+            run.extra = np.zeros(task.k)
+        task.target, task.feedforward = aim.target, run.asked * aim.feedforward + run.extra
         run.target, run.feedforward = task.settings[0], aim.feedforward
