@@ -7,7 +7,7 @@ import math
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import Executor, TimeoutException
@@ -34,7 +34,6 @@ from tp_controller.ros.live_parameters import LiveParameters
 from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
 from tp_controller.ros.markers import Markers
 from tp_controller.ros.neighbours import Neighbours
-from tp_controller.ros.reach import ReachServer
 from tp_controller.ros.robot_node import HEARTBEAT, RobotNode
 from tp_controller.ros.state import StateMessage
 from tp_controller.ros.state_watch import StateWatch
@@ -44,6 +43,9 @@ from tp_controller.ros.warnings import PERIOD as WARNING_PERIOD
 from tp_controller.ros.warnings import Warnings
 from tp_controller.tasks import Task
 from tp_interfaces.msg import ControllerState
+
+if TYPE_CHECKING:
+    from tp_controller.ros.reach import ReachServer
 
 STATE_QUEUE_DEPTH = 100
 LEAST_STATE_PERIOD = 0.01
@@ -141,14 +143,40 @@ class ControllerNode(RobotNode):
                 'than their library does: python -m tp_controller.compile_ahead makes it'
             )
         self._hold = Hold(self, self._settings, self.log, self._on_hold)
-        self._reach = ReachServer(
-            self, self._stack, self._inputs, self._inputs.answered, commands.velocity, self.log
-        )
+        self._reach: ReachServer | None = None
+        self._later: Iterator[None] | None = self._begin_later()
         TaskServices(self, self._settings, self._on_task_added, self._on_task_removed)
         self.log.info(f'waiting for joint states; tasks by level: {self._levels()}')
         # What is there now stays: the collector need not look at it again, which takes long.
         gc.collect()
         gc.freeze()
+
+    def _begin_later(self) -> Iterator[None]:
+        """Listen to trajectories and ``~/reach``, with pauses, which need not wait for the start.
+
+        All of it takes 50 ms.
+        """
+        for task in list(self._stack.tasks.values()):
+            if task.name in self._stack.tasks:
+                yield from self._inputs.listen_to_trajectories(task)
+        import tp_interfaces.action
+
+        yield
+        import rclpy.action
+
+        _ = tp_interfaces.action, rclpy.action
+        yield
+        from tp_controller.ros.reach import ReachServer
+
+        yield
+        self._reach = ReachServer(
+            self,
+            self._stack,
+            self._inputs,
+            self._inputs.answered,
+            self._commands.velocity,
+            self.log,
+        )
 
     def stop(self) -> str:
         """Bring the robot to rest."""
@@ -227,6 +255,7 @@ class ControllerNode(RobotNode):
         yield
         yield from self._live_parameters.declare(task)
         yield from self._listen(task)
+        yield from self._inputs.listen_to_trajectories(task)
 
     def _on_task_removed(self, task: Task, keys: Sequence[str]) -> Iterator[None]:
         self._inputs.forget(task)
@@ -243,7 +272,8 @@ class ControllerNode(RobotNode):
         self._cycle.show_held()
         self._due = True
         if self._stack.held:
-            self._reach.interrupt(HELD)
+            if self._reach is not None:
+                self._reach.interrupt(HELD)
             self._inputs.trajectories.end_all()
         if not self._stack.held and self._settings.values[RESUME] == PRESENT:
             self._warn_of_feedforwards('after the hold, though resume is present')
@@ -265,6 +295,9 @@ class ControllerNode(RobotNode):
         elif now >= self._look_at:
             self._look_at = now + self._cycle.look_period
             self._look()
+        elif self._later is not None:
+            if next(self._later, self) is self:
+                self._later = None
         elif now >= self._serve_at or (answered and now >= self._served + SERVE_AGAIN):
             self._serve(executor)
         else:
@@ -315,7 +348,7 @@ class ControllerNode(RobotNode):
             self._brake_at = math.inf
             self._inputs.robot_seen()
         self._hold.look()
-        if self._reach.active:
+        if self._reach is not None and self._reach.active:
             self._reach.look()
         if self._inputs.release:
             self._inputs.release.look()
@@ -356,7 +389,7 @@ class ControllerNode(RobotNode):
             self._brake()
             self._brake_at = now + self._cycle.braking_period
             self._heartbeat_at = -math.inf
-        if self._reach.active and not self._cycle.running:
+        if self._reach is not None and self._reach.active and not self._cycle.running:
             self._reach.look_without_states()
         if self._cycle.running or now - self._heartbeat_at < 0.999 * HEARTBEAT:
             return

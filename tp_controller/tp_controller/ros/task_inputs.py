@@ -131,20 +131,27 @@ class TaskInputs:
         return [topic.subscription for topic in self._topics]
 
     def listen(self, task: Task) -> Iterator[None]:
-        """Take goals and the like of a task, with a pause after each subscription."""
+        """Take goals and feedforwards of a task, with a pause after each subscription."""
         codec = codec_of(task)
-        if codec is None:
-            return
-        for message, what, handler in (
-            (codec.message, 'goal', self._on_goal),
-            (codec.feedforward_message, 'feedforward', self._on_feedforward),
-            (codec.trajectory_message, 'trajectory', self._on_trajectory),
-        ):
-            if message is not None:
-                name = f'~/{task.name}/{what}'
-                subscription = subscribe(self._node, message, name, 1)
-                self._topics.append(_Topic(subscription, task, what, handler))
-                yield
+        if codec is not None:
+            yield from self._subscribe(codec.message, task, 'goal', self._on_goal)
+            message = codec.feedforward_message
+            yield from self._subscribe(message, task, 'feedforward', self._on_feedforward)
+
+    def listen_to_trajectories(self, task: Task) -> Iterator[None]:
+        """Take trajectories of a task, with a pause after the subscription."""
+        codec = codec_of(task)
+        if codec is not None:
+            message = codec.trajectory_message
+            yield from self._subscribe(message, task, 'trajectory', self._on_trajectory)
+
+    def _subscribe(
+        self, message: type | None, task: Task, what: str, handler: Callable[[Task, Any], None]
+    ) -> Iterator[None]:
+        if message is not None:
+            subscription = subscribe(self._node, message, f'~/{task.name}/{what}', 1)
+            self._topics.append(_Topic(subscription, task, what, handler))
+            yield
 
     def forget(self, task: Task) -> None:
         """Let a task's topics be."""
