@@ -184,11 +184,13 @@ def _checked(key: str, rows: Sequence[Sequence[float]]) -> Matrix:
 
 def _numbers(key: str, rows: Sequence[Sequence[float]], size: int, words: str) -> Matrix | None:
     """Values (m, size) of all points, None if none has them."""
+    if not any(len(row) for row in rows):
+        return None
     for i, row in enumerate(rows):
-        if len(row) != size and any(len(other) for other in rows):
+        if len(row) != size:
             got = f'{plural(len(row), "value")} for point {i + 1}'
             raise InvalidValue(f'points.{key}', got, f'{words}, for all points or none')
-    return _checked(f'points.{key}', rows) if len(rows[0]) else None
+    return _checked(f'points.{key}', rows)
 
 
 def _twists(key: str, points: Sequence[Any]) -> Matrix | None:
