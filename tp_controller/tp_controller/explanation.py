@@ -247,7 +247,7 @@ def _explained(
         damped = U @ missed - saturated
         saturated += shortened
         blocked = lost - damped - saturated
-        reach, singular = _directions(J, size)
+        reach, singular = _directions(J, size, tolerance)
         reachable = reach @ (reach.T @ blocked)
         unmoved = np.zeros((singular.shape[1], acts.size))
         unmoved[:, acts] = singular.T
@@ -273,10 +273,10 @@ def _explained(
         free = free @ Vt[rank:].T
 
 
-def _directions(J: Matrix, size: float) -> tuple[Matrix, Matrix]:
+def _directions(J: Matrix, size: float, tolerance: float) -> tuple[Matrix, Matrix]:
     """Orthonormal columns of what the joints can move without levels above, and of the rest."""
     U, s, _ = np.linalg.svd(J)
-    rank = np.count_nonzero(s > RANK_TOLERANCE * size * np.linalg.norm(J))
+    rank = np.count_nonzero(s > tolerance * size * np.linalg.norm(J))
     return U[:, :rank], U[:, rank:]
 
 

@@ -331,9 +331,19 @@ class Stack:
             if task.set_based or not task.target_size:
                 continue
             if known is None or task.settings[0] is known.get(task.name):
-                task.forget_target()
-                if task not in self._unaimed:
-                    self._unaimed.append(task)
+                self.aim_at_present(task)
+
+    def aim_at_present(self, task: Task) -> None:
+        """Let a task take its value at the next step as its target.
+
+        One outside the hierarchy takes its value as of the last update.
+        """
+        if self.level_of(task.name) < 0:
+            task.hold()
+            return
+        task.forget_target()
+        if task not in self._unaimed:
+            self._unaimed.append(task)
 
     @property
     def held(self) -> bool:

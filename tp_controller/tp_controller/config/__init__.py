@@ -68,8 +68,8 @@ __all__ = [
     'remove',
     'robot_source',
     'shared_schema',
+    'split_request',
     'task_names',
     'task_schema',
-    'split_request',
     'write_text',
 ]

@@ -294,6 +294,7 @@ def build_task(name: str, robot: Robot, values: Flat) -> Task:
         task.enabled = own['enabled']
         task.gain = own['gain']
         task.weight = own['weight']
+        task.time_scaling = own.get('time_scaling', False)
         task.inverse = Inverse(*(own[key] for key in INVERSE))
         if own['feedforward'] is not None:
             task.feedforward = own['feedforward']

@@ -104,6 +104,9 @@ def check_changes(
             if leaf == 'weight':
                 steps += [partial(setattr, task, leaf, value), stack.prepare_solver]
                 continue
+            if leaf == 'time_scaling':
+                steps.append(partial(setattr, task, leaf, value))
+                continue
             try:
                 getattr(task, f'check_{leaf}')(value)
             except InvalidValue as error:

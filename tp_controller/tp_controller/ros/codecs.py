@@ -1,4 +1,4 @@
-"""How goals and feedforwards of each task type travel in messages; other packages may add some."""
+"""How goals and the like of each task type travel in messages; other packages may add some."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ import numpy as np
 from geometry_msgs.msg import PointStamped, PoseStamped, QuaternionStamped, TwistStamped
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, MultiDOFJointTrajectory
 
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.plugins import Registry
 from tp_controller.robot import Frame, Robot
+from tp_controller.ros.trajectory_messages import Begin, frame_path, joint_path
 from tp_controller.rotations import rotation_from_quaternion
 from tp_controller.tasks import FrameTask, JointTask, ObstacleTask, Task, WholeArmTask
 from tp_controller.tasks.base import LARGEST
+from tp_controller.trajectory import TaskPath
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -79,11 +82,16 @@ class GoalCodec(ABC):
         Message that carries a goal.
     feedforward
         Message that carries a feedforward, None if the type has none.
+    trajectory
+        Message that carries a trajectory, None if the type has none.
     """
 
-    def __init__(self, message: type, feedforward: type | None = None) -> None:
+    def __init__(
+        self, message: type, feedforward: type | None = None, trajectory: type | None = None
+    ) -> None:
         self.message = message
         self.feedforward_message = feedforward
+        self.trajectory_message = trajectory
 
     @abstractmethod
     def target(self, task: Any, msg: Any, frames: Frames) -> Vector:
@@ -127,12 +135,22 @@ class GoalCodec(ABC):
         """Put one velocity per row of the task, the `components`, into a feedforward message."""
         raise NotImplementedError
 
+    def path(self, task: Any, msg: Any, frames: Frames, begin: Begin) -> TaskPath:
+        """Path of the task that a trajectory message of one point or more asks for.
+
+        Raises
+        ------
+        InvalidValue
+            As for `target`.
+        """
+        raise NotImplementedError
+
 
 class JointGoal(GoalCodec):
     """Joints by name, as JointState; a goal may name some of the task's joints only."""
 
     def __init__(self) -> None:
-        super().__init__(JointState, JointState)
+        super().__init__(JointState, JointState, JointTrajectory)
 
     def target(self, task: JointTask, msg: JointState, frames: Frames) -> Vector:
         """Positions (k,); joints that are not named keep their target."""
@@ -165,12 +183,24 @@ class JointGoal(GoalCodec):
         """Put in names and velocities."""
         msg.name, msg.velocity = list(rows), values
 
+    def path(
+        self, task: JointTask, msg: JointTrajectory, frames: Frames, begin: Begin
+    ) -> TaskPath:
+        """Path of the named joints; the others stay."""
+        frames.check(msg.header.frame_id)
+        return joint_path(task, msg, begin)
+
 
 class FrameGoal(GoalCodec):
     """A point, a quaternion or a pose, in any frame of the robot; feedforwards are twists."""
 
-    def __init__(self, message: type, feedforward: type | None = TwistStamped) -> None:
-        super().__init__(message, feedforward)
+    def __init__(
+        self,
+        message: type,
+        feedforward: type | None = TwistStamped,
+        trajectory: type | None = None,
+    ) -> None:
+        super().__init__(message, feedforward, trajectory)
 
     def target(
         self, task: FrameTask | ObstacleTask | WholeArmTask, msg: Any, frames: Frames
@@ -225,6 +255,12 @@ class FrameGoal(GoalCodec):
             part = msg.twist.linear if len(row) == 1 else msg.twist.angular
             setattr(part, row[-1], value)
 
+    def path(
+        self, task: FrameTask, msg: MultiDOFJointTrajectory, frames: Frames, begin: Begin
+    ) -> TaskPath:
+        """Path of the pose, as seen from the frame that the task is seen from."""
+        return frame_path(task, msg, frames.named(msg.header.frame_id, task.reference), begin)
+
 
 def finite(key: str, values: Sequence[float]) -> Vector:
     """Array of values that are all finite.
@@ -274,9 +310,9 @@ def _check(name: str, codec: Any) -> None:
 GOALS: Registry[GoalCodec] = Registry(
     'tp_controller.goals',
     {
-        'position': FrameGoal(PointStamped),
-        'orientation': FrameGoal(QuaternionStamped),
-        'pose': FrameGoal(PoseStamped),
+        'position': FrameGoal(PointStamped, trajectory=MultiDOFJointTrajectory),
+        'orientation': FrameGoal(QuaternionStamped, trajectory=MultiDOFJointTrajectory),
+        'pose': FrameGoal(PoseStamped, trajectory=MultiDOFJointTrajectory),
         'gaze': FrameGoal(PointStamped),
         'obstacle': FrameGoal(PointStamped, None),
         'joint': JointGoal(),

@@ -7,7 +7,7 @@ import math
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import Executor, TimeoutException
@@ -30,7 +30,7 @@ from tp_controller.ros.commands import CommandPublisher
 from tp_controller.ros.cycle import ZEROS, ControlFailed, Cycle
 from tp_controller.ros.diagnostics import PERIOD as DIAGNOSTICS_PERIOD
 from tp_controller.ros.diagnostics import Diagnostics
-from tp_controller.ros.hold import Hold
+from tp_controller.ros.hold import HELD, Hold
 from tp_controller.ros.intake import Intake
 from tp_controller.ros.live_parameters import LiveParameters
 from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
@@ -45,6 +45,9 @@ from tp_controller.ros.warnings import PERIOD as WARNING_PERIOD
 from tp_controller.ros.warnings import Warnings
 from tp_controller.tasks import Task
 from tp_interfaces.msg import ControllerState
+
+if TYPE_CHECKING:
+    from tp_controller.ros.reach import ReachServer
 
 STATE_QUEUE_DEPTH = 100
 LEAST_STATE_PERIOD = 0.01
@@ -125,7 +128,7 @@ class ControllerNode(RobotNode):
             self.log,
             rate,
             limit,
-            self._inputs.feedforwards,
+            self._inputs.answered,
             self._inputs.handle,
             self._found_rate if self._needs_rate() else None,
         )
@@ -149,11 +152,40 @@ class ControllerNode(RobotNode):
                 'than their library does: python -m tp_controller.compile_ahead makes it'
             )
         self._hold = Hold(self, self._settings, self.log, self._on_hold)
+        self._reach: ReachServer | None = None
+        self._later: Iterator[None] | None = self._begin_later()
         StackServices(self, self._settings, self._on_task_added, self._on_task_removed)
         self.log.info(f'waiting for joint states; tasks by level: {self._levels()}')
         # What is there now stays: the collector need not look at it again, which takes long.
         gc.collect()
         gc.freeze()
+
+    def _begin_later(self) -> Iterator[None]:
+        """Listen to trajectories and ``~/reach``, with pauses, which need not wait for the start.
+
+        All of it takes 50 ms.
+        """
+        for task in list(self._stack.tasks.values()):
+            if task.name in self._stack.tasks:
+                yield from self._inputs.listen_to_trajectories(task)
+        import tp_interfaces.action
+
+        yield
+        import rclpy.action
+
+        _ = tp_interfaces.action, rclpy.action
+        yield
+        from tp_controller.ros.reach import ReachServer
+
+        yield
+        self._reach = ReachServer(
+            self,
+            self._stack,
+            self._inputs,
+            self._inputs.answered,
+            self._commands.velocity,
+            self.log,
+        )
 
     def stop(self) -> str:
         """Bring the robot to rest."""
@@ -233,6 +265,7 @@ class ControllerNode(RobotNode):
         yield
         yield from self._live_parameters.declare(task)
         yield from self._listen(task)
+        yield from self._inputs.listen_to_trajectories(task)
 
     def _on_task_removed(self, task: Task, keys: Sequence[str]) -> Iterator[None]:
         self._inputs.forget(task)
@@ -248,6 +281,10 @@ class ControllerNode(RobotNode):
         """Show at once that a hold has begun or ended, or that the arm has come to rest."""
         self._cycle.show_held()
         self._due = True
+        if self._stack.held:
+            if self._reach is not None:
+                self._reach.interrupt(HELD)
+            self._inputs.trajectories.end_all()
         if not self._stack.held and self._settings.values[RESUME] == PRESENT:
             self._warn_of_feedforwards('after the hold, though resume is present')
 
@@ -268,6 +305,9 @@ class ControllerNode(RobotNode):
         elif now >= self._look_at:
             self._look_at = now + self._cycle.look_period
             self._look()
+        elif self._later is not None:
+            if next(self._later, self) is self:
+                self._later = None
         elif now >= self._serve_at or (answered and now >= self._served + SERVE_AGAIN):
             self._serve(executor)
         else:
@@ -318,6 +358,10 @@ class ControllerNode(RobotNode):
             self._brake_at = math.inf
             self._inputs.robot_seen()
         self._hold.look()
+        if self._reach is not None and self._reach.active:
+            self._reach.look()
+        if self._inputs.release:
+            self._inputs.release.look()
         return True
 
     def _publish_cycle(self, explain: bool) -> None:
@@ -357,6 +401,8 @@ class ControllerNode(RobotNode):
             self._brake()
             self._brake_at = now + self._cycle.braking_period
             self._heartbeat_at = -math.inf
+        if self._reach is not None and self._reach.active and not self._cycle.running:
+            self._reach.look_without_states()
         if self._cycle.running or now - self._heartbeat_at < 0.999 * HEARTBEAT:
             return
         self._heartbeat_at = now

@@ -10,8 +10,8 @@ import numpy as np
 
 from tp_controller.errors import InvalidValue, UnusableState
 from tp_controller.oscillation import OscillationWatch
+from tp_controller.ros.answered_time import AnsweredTime
 from tp_controller.ros.commands import CommandPublisher
-from tp_controller.ros.feedforward import FeedforwardOverrides
 from tp_controller.ros.intake import Intake
 from tp_controller.ros.joint_states import JointStateReader, RateCheck
 from tp_controller.ros.lateness import Lateness
@@ -60,8 +60,8 @@ class Cycle:
         The parameter [Hz]; None if unknown.
     limit
         Age [s] at which a joint state may not move anything.
-    feedforwards
-        Those that end by themselves.
+    answered
+        Has to know how much time has passed.
     before
         Called at the start of every cycle with the time [s] that it may take.
     found_rate
@@ -81,7 +81,7 @@ class Cycle:
         logger: Log,
         rate: float | None,
         limit: float,
-        feedforwards: FeedforwardOverrides,
+        answered: AnsweredTime,
         before: Callable[[float], object],
         found_rate: Callable[[float], object] | None = None,
     ) -> None:
@@ -93,7 +93,7 @@ class Cycle:
         self._warnings = warnings
         self._logger = logger
         self._limit = limit
-        self._feedforwards = feedforwards
+        self._answered = answered
         self._before = before
         self._found_rate = found_rate
         self._rate_estimate = RateEstimate() if found_rate else None
@@ -205,7 +205,7 @@ class Cycle:
             if again and self._age(arrival) > self._oldest():
                 return False
             elapsed = 0.0 if again else self._elapsed(arrival)
-            self._feedforwards.advance(elapsed - passed)
+            self._answered.advance(elapsed - passed)
             passed = elapsed
             step_time = self._time_of_step(arrival, again)
             refusal: UnusableState | None = None
@@ -313,7 +313,7 @@ class Cycle:
             f'no command: its joint state was {1e3 * age:.3g} ms old by then',
         )
         if not self.running or age > self._limit:
-            self._feedforwards.advance(-passed)
+            self._answered.advance(-passed)
             return
         self._oscillation.restart()
         self._commands.send(self._stack.brake(step_time, self._q, self._qd))

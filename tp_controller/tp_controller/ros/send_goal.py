@@ -12,13 +12,16 @@ import rclpy
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from tp_controller.errors import InvalidValue, TaskPriorityError, listed
 from tp_controller.ros.arguments import one_line
 from tp_controller.ros.goals import goal_message
-from tp_interfaces.msg import ControllerState, TaskState
+from tp_interfaces.action import Reach
+from tp_interfaces.msg import ControllerState, TaskGoal, TaskState
 
+NOT_REACHED = 1
 REFUSED = 2
 UNANSWERED = 3
 
@@ -29,16 +32,24 @@ def main() -> int:
     Returns
     -------
     int
-        Exit status: 0 accepted, 2 refused, 3 no answer from the controller.
+        Exit status: 0 accepted, with ``--wait`` reached; 1 not reached; 2 refused; 3 no answer
+        from the controller.
     """
     words = [_plain(word) for word in remove_ros_args(sys.argv)[1:]]
-    arguments = _parser().parse_args(words)
+    parser = _parser()
+    arguments = parser.parse_args(words)
+    unused = (arguments.tolerance, arguments.time_limit) != (None, None)
+    if unused and not arguments.wait:
+        parser.error('--tolerance and --time-limit count with --wait')
+    handlers = SignalHandlerOptions.NO if arguments.wait else SignalHandlerOptions.ALL
     try:
-        rclpy.init()
+        rclpy.init(signal_handler_options=handlers)
     except RuntimeError as error:
         return _fail(one_line(error), REFUSED)
     node = rclpy.create_node('send_goal')
     try:
+        if arguments.wait:
+            return _wait(node, arguments)
         print(_GoalSender(node, arguments.controller, arguments.timeout).send(arguments))
     except (InvalidValue, InvalidTopicNameException, GoalRefused) as error:
         return _fail(str(error), REFUSED)
@@ -55,6 +66,24 @@ def main() -> int:
         node.destroy_node()
         rclpy.try_shutdown()
     return 0
+
+
+def _wait(node: Node, arguments: argparse.Namespace) -> int:
+    """Send the goal by ``~/reach`` and wait for its end; return the exit status."""
+    # Loaded here: a goal by topic has no use for it.
+    from tp_controller.ros.wait_for_goal import GoalWaiter
+
+    one = TaskGoal(task=arguments.task, values=arguments.values, frame_id=arguments.frame)
+    goal = Reach.Goal(goals=[one])
+    if arguments.tolerance is not None:
+        goal.tolerance = arguments.tolerance
+    if arguments.time_limit is not None:
+        goal.time_limit = arguments.time_limit
+    result = GoalWaiter(node, arguments.controller, arguments.timeout).run(goal)
+    if result.outcome == Reach.Result.REFUSED:
+        raise GoalRefused(result.message)
+    print(f'{arguments.task}: {result.message}')
+    return 0 if result.outcome == Reach.Result.REACHED else NOT_REACHED
 
 
 class GoalRefused(TaskPriorityError):
@@ -80,7 +109,8 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog='examples:\n'
         '  ros2 run tp_controller send_goal ee_position 1.0 0.5\n'
-        '  ros2 run tp_controller send_goal ee_orientation 1.57',
+        '  ros2 run tp_controller send_goal ee_orientation 1.57\n'
+        '  ros2 run tp_controller send_goal ee_position 1.0 0.5 --wait --tolerance 0.001',
     )
     parser.add_argument('task', help='name of the task')
     parser.add_argument(
@@ -98,6 +128,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         '--timeout', type=float, default=5.0, help='time [s] for an answer (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--wait',
+        action='store_true',
+        help='wait until it is reached (status 0) or cannot be (status 1); Ctrl-C cancels it',
+    )
+    parser.add_argument(
+        '--tolerance', type=float, help='largest error norm that counts as reached (default: 0.01)'
+    )
+    parser.add_argument(
+        '--time-limit', type=float, help='time [s] to reach it, 0 for none (default: none)'
     )
     return parser
 

@@ -204,7 +204,8 @@ class _TaskMessage:
     def refresh(self, stepped: bool = True) -> None:
         """Fill in the task; `stepped` if the stack has just updated its hierarchy."""
         task = self._task
-        if not stepped or self._velocities is None:
+        # One that is to take its value at the next step as its target has no error until then.
+        if (not stepped or self._velocities is None) and len(task.settings[0]) == task.target_size:
             task.update()
         if self._velocities is not None:
             self._requested[:], self._achieved[:] = self._velocities

@@ -1,10 +1,10 @@
-"""Goals and feedforwards of tasks: the newest of each, a bounded amount of them at a time."""
+"""Goals and the like of tasks: the newest of each, a bounded amount of them at a time."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,11 +13,14 @@ from rclpy.subscription import Subscription
 
 from tp_controller.config import Settings
 from tp_controller.errors import InvalidValue
+from tp_controller.ros.answered_time import AnsweredTime
 from tp_controller.ros.codecs import codec_of
 from tp_controller.ros.feedforward import FeedforwardOverrides
-from tp_controller.ros.goals import GoalReader
+from tp_controller.ros.goals import GoalReader, goal_message
 from tp_controller.ros.polled import subscribe, taker
+from tp_controller.ros.release import Release
 from tp_controller.ros.state import StateMessage
+from tp_controller.ros.trajectories import Trajectories
 from tp_controller.ros.warnings import Warnings
 from tp_controller.tasks import Task
 
@@ -33,7 +36,7 @@ class _Topic:
     subscription
         Polled, of depth 1: of more than one message a newer one would take the place anyway.
     task, what
-        The task, and what a message is: goal or feedforward.
+        The task, and what a message is: goal, feedforward or trajectory.
     handler
         Takes a message over.
     """
@@ -53,7 +56,7 @@ class _Topic:
 
 
 class TaskInputs:
-    """Listens to goals and feedforwards.
+    """Listens to goals, feedforwards and trajectories.
 
     Messages stay with the middleware until `handle` takes them over: of each topic one message
     in a period, the newest. A flood of messages wakes up nobody.
@@ -75,6 +78,12 @@ class TaskInputs:
     ----------
     feedforwards
         Those that hold at present.
+    answered
+        Time of the joint states, which they end by.
+    release
+        Tasks that follow the arm to its rest.
+    trajectories
+        Those that follow a path.
     """
 
     def __init__(
@@ -93,6 +102,16 @@ class TaskInputs:
         self.feedforwards = FeedforwardOverrides(
             settings.values['timeouts.feedforward'], self._configured
         )
+        self.answered = AnsweredTime(self.feedforwards)
+        self.release = Release(settings.stack, self.answered)
+        self.trajectories = Trajectories(
+            settings.stack,
+            lambda: state.msg.header.stamp,
+            self.release,
+            self._configured,
+            settings.values['timeouts.feedforward'],
+        )
+        self.answered.follow(self.trajectories)
         self.know_period(period)
         self._topics: list[_Topic] = []
         self._first = 0
@@ -114,17 +133,25 @@ class TaskInputs:
     def listen(self, task: Task) -> Iterator[None]:
         """Take goals and feedforwards of a task, with a pause after each subscription."""
         codec = codec_of(task)
-        if codec is None:
-            return
-        for message, what, handler in (
-            (codec.message, 'goal', self._on_goal),
-            (codec.feedforward_message, 'feedforward', self._on_feedforward),
-        ):
-            if message is not None:
-                name = f'~/{task.name}/{what}'
-                subscription = subscribe(self._node, message, name, 1)
-                self._topics.append(_Topic(subscription, task, what, handler))
-                yield
+        if codec is not None:
+            yield from self._subscribe(codec.message, task, 'goal', self._on_goal)
+            message = codec.feedforward_message
+            yield from self._subscribe(message, task, 'feedforward', self._on_feedforward)
+
+    def listen_to_trajectories(self, task: Task) -> Iterator[None]:
+        """Take trajectories of a task, with a pause after the subscription."""
+        codec = codec_of(task)
+        if codec is not None:
+            message = codec.trajectory_message
+            yield from self._subscribe(message, task, 'trajectory', self._on_trajectory)
+
+    def _subscribe(
+        self, message: type | None, task: Task, what: str, handler: Callable[[Task, Any], None]
+    ) -> Iterator[None]:
+        if message is not None:
+            subscription = subscribe(self._node, message, f'~/{task.name}/{what}', 1)
+            self._topics.append(_Topic(subscription, task, what, handler))
+            yield
 
     def forget(self, task: Task) -> None:
         """Let a task's topics be."""
@@ -134,6 +161,8 @@ class TaskInputs:
         self._topics = [topic for topic in self._topics if topic.task is not task]
         self._first = 0
         self.feedforwards.forget(task)
+        self.trajectories.end(task)
+        self.release.end(task)
 
     def handle(self, seconds: float) -> bool:
         """Take over what waits, until a time [s] is over.
@@ -171,12 +200,35 @@ class TaskInputs:
             # One message must not end the control of the arm.
             self._reject(task, topic.what, f'{type(error).__name__}: {error}')
 
+    def read_goal(self, task: Task, values: Sequence[float], frame_id: str) -> np.ndarray:
+        """Target (target_size,) of a task from values in a frame, as `goal_message` has them.
+
+        Raises
+        ------
+        InvalidValue
+            If they cannot be used.
+        """
+        msg = goal_message(self._state.task(task.name), values, frame_id)
+        return self._reader.target(task, msg)
+
     def _on_goal(self, task: Task, msg: Any) -> None:
-        task.target = self._reader.target(task, msg)
+        self.aim(task, self._reader.target(task, msg))
+
+    def aim(self, task: Task, target: np.ndarray) -> None:
+        """Set and show a task's target (target_size,)."""
+        task.target = target
         self._state.task(task.name).accepted_goals += 1
         self._state.refresh_target(task.name, self._reader.robot_seen)
 
+    def _on_trajectory(self, task: Task, msg: Any) -> None:
+        self.trajectories.begin(task, msg, self._reader)
+        self.feedforwards.forget(task)
+        self._state.task(task.name).accepted_goals += 1
+
     def _on_feedforward(self, task: Task, msg: Any) -> None:
+        if self.trajectories.runs(task):
+            got = 'one while a trajectory runs, which has its own'
+            raise InvalidValue('feedforward', got, 'ones without a trajectory')
         task.feedforward = self._reader.feedforward(task, msg, self._configured(task))
         self._state.task(task.name).accepted_feedforwards += 1
         self.feedforwards.begin(task)

@@ -53,6 +53,13 @@ COMMON: Mapping[str, Parameter] = {
     'weight': Parameter(
         NUMBER, 'Weight among all tasks with solver.type weighted', 1.0, above=0.0, runtime=True
     ),
+    'time_scaling': Parameter(
+        BOOLEAN,
+        'Whether the time of a trajectory runs slower while limits or higher levels hold the task '
+        'up, so that it stays on its path; else it falls behind and catches up',
+        default=False,
+        runtime=True,
+    ),
     'target': Parameter(
         NUMBERS,
         'Desired value at start, that at the first joint state when left out; goals replace it',
@@ -107,6 +114,8 @@ class Task(ABC):
         How its level is inverted, where that differs from the solver's way.
     weight
         Its share in a weighted sum of all tasks.
+    time_scaling
+        Whether the time of its trajectories runs slower while it is held up.
     period
         Time [s] of one step, which gains are judged by; infinite if unknown.
     revision
@@ -142,6 +151,7 @@ class Task(ABC):
         self.J: Matrix = np.zeros((self.k, robot.n))
         self.inverse = Inverse()
         self.weight = 1.0
+        self.time_scaling = False
         self.period = math.inf
         self._K: Matrix = np.eye(self.k)
         self._feedforward: Vector = np.zeros(self.k)

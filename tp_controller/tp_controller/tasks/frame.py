@@ -99,6 +99,11 @@ class FrameTask(Task):
         """Name of the frame that it is seen from, empty for the base."""
         return '' if self._from_base else self.reference.name
 
+    @property
+    def pose(self) -> tuple[Vector, Matrix]:
+        """Present position (3,) [m] and rotation (3, 3), as seen from the reference; copies."""
+        return self._position().copy(), self._rotation().copy()
+
     @abstractmethod
     def target_from_pose(self, position: Vector, rotation: Matrix) -> Vector:
         """Target (target_size,) that a pose in the reference frame stands for."""

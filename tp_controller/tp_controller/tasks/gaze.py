@@ -51,6 +51,7 @@ class GazeTask(FrameTask):
     """
 
     type = 'gaze'
+    without = ('time_scaling',)
     parameters: ClassVar[Mapping[str, Parameter]] = {
         **FRAME,
         'axis': Parameter(TEXT, 'Axis of the frame that points', default='z', choices=AXES),

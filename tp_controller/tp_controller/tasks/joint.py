@@ -90,6 +90,11 @@ class JointTask(Task):
         """Present positions (k,) [rad, m]; a copy."""
         return self._q[self._indices]
 
+    @property
+    def wrapping(self) -> tuple[int, ...]:
+        """Rows of joints that turn without end."""
+        return tuple(self._wrapping)
+
     def with_joints(
         self, values: Vector, names: Sequence[str], changes: Sequence[float]
     ) -> Vector:

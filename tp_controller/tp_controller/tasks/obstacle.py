@@ -92,7 +92,7 @@ class ObstacleTask(SetBasedTask):
         ),
         **THRESHOLDS,
     }
-    without = ('target',)
+    without = ('target', 'time_scaling')
     target_key = 'center'
     target_words = 'centre per axis [m]'
 

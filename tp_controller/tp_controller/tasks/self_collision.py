@@ -77,7 +77,7 @@ class SelfCollisionTask(ClearanceTask):
         ),
         **THRESHOLDS,
     }
-    without = ('target',)
+    without = ('target', 'time_scaling')
     target_words = ''
 
     def __init__(

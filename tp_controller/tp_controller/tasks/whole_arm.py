@@ -133,7 +133,7 @@ class WholeArmTask(ClearanceTask):
     """
 
     type = 'obstacle'
-    without = ('target',)
+    without = ('target', 'time_scaling')
     target_key = 'center'
     target_words = 'centre [m]'
 

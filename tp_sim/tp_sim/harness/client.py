@@ -8,6 +8,7 @@ from typing import Any
 
 import rclpy
 from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -20,12 +21,48 @@ from std_msgs.msg import String
 from tp_controller.errors import listed
 from tp_controller.ros.goals import feedforward_message, goal_message
 from tp_controller.ros.robot_node import TOPIC, TOPIC_QOS
-from tp_interfaces.msg import ControllerState, TaskState
+from tp_interfaces.action import Reach
+from tp_interfaces.msg import ControllerState, TaskGoal, TaskState
 from tp_sim.harness.domain import PrivateDomain
 from tp_sim.harness.errors import GoalRejected, HarnessError
 
 TIMEOUT = 60.0
 """Longest wait [s] for an answer, generous for a loaded machine."""
+
+
+class ReachCall:
+    """A goal of ``~/reach`` under way.
+
+    Parameters
+    ----------
+    handle
+        Its goal handle.
+    feedback
+        List to which its feedback is appended.
+    wait_for
+        Waits for a condition, see `Client.wait_for`.
+    """
+
+    def __init__(
+        self, handle: Any, feedback: list[Reach.Feedback], wait_for: Callable[..., None]
+    ) -> None:
+        self.feedback = feedback
+        self._handle, self._wait_for = handle, wait_for
+        self._future = handle.get_result_async()
+
+    @property
+    def result(self) -> Reach.Result | None:
+        """Its result, None before it has ended."""
+        return self._future.result().result if self._future.done() else None
+
+    def cancel(self) -> None:
+        """Ask for its end, and wait until the controller has taken that."""
+        self._wait_for(self._handle.cancel_goal_async().done, 'an answer to the cancellation')
+
+    def wait(self) -> Reach.Result:
+        """Wait for its result; joint states have to go on by themselves."""
+        self._wait_for(self._future.done, 'the result of reach')
+        return self._future.result().result
 
 
 class Client:
@@ -58,6 +95,7 @@ class Client:
         self._executor.add_node(self.node)
         self._publishers: dict[str, Publisher] = {}
         self._service_clients: dict[str, Any] = {}
+        self._reach_client: ActionClient | None = None
         self.state: ControllerState | None = None
         """Newest state of the controller."""
         self.on_state: list[Callable[[ControllerState], None]] = []
@@ -213,6 +251,43 @@ class Client:
         self.wait_for(answered, f'an answer to the goal of {name}')
         if self.task(name).rejected_goals > before.rejected_goals:
             raise GoalRejected(f'{name}: {self.task(name).message}')
+
+    def start_reach(
+        self,
+        goals: Mapping[str, Sequence[float]],
+        tolerance: float | None = None,
+        time_limit: float = 0.0,
+        frame: str = '',
+    ) -> ReachCall:
+        """Send a goal to ``~/reach`` and wait until the controller has taken it.
+
+        Parameters
+        ----------
+        goals
+            Values as ``target`` in a parameter file, by task.
+        tolerance
+            Largest error norm [m, rad] that counts as reached; the action's default if None.
+        time_limit
+            Time [s] after which it is given up; 0 for none.
+        frame
+            Frame that the values are given in; empty for the base frame.
+        """
+        if self._reach_client is None:
+            self._reach_client = ActionClient(self.node, Reach, 'tp_controller/reach')
+        self.wait_for(self._reach_client.server_is_ready, 'the action reach')
+        goal = Reach.Goal(time_limit=time_limit)
+        goal.goals = [
+            TaskGoal(task=name, values=[float(value) for value in values], frame_id=frame)
+            for name, values in goals.items()
+        ]
+        if tolerance is not None:
+            goal.tolerance = tolerance
+        feedback: list[Reach.Feedback] = []
+        sent = self._reach_client.send_goal_async(
+            goal, feedback_callback=lambda message: feedback.append(message.feedback)
+        )
+        self.wait_for(sent.done, 'an answer of reach')
+        return ReachCall(sent.result(), feedback, self.wait_for)
 
     def send_feedforward(self, name: str, values: Sequence[float], frame: str = '') -> None:
         """Send a feedforward and wait until the controller uses it.

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from tp_controller.config import read_parameter_file
+from tp_interfaces.action import Reach
 from tp_interfaces.msg import ControllerState
 from tp_interfaces.srv import Reset, Step
-from tp_sim.harness.client import Client
+from tp_sim.harness.client import Client, ReachCall
 from tp_sim.harness.document import Document, edited, read_document, write_document
 from tp_sim.harness.domain import PrivateDomain
 from tp_sim.harness.errors import HarnessError
@@ -211,6 +212,28 @@ class ClosedLoop:
     def send_goal(self, name: str, values: Sequence[float], frame: str = '') -> None:
         """Send a goal to a task; see `Client.send_goal`."""
         self.client.send_goal(name, values, frame)
+
+    def reach(
+        self,
+        goals: Mapping[str, Sequence[float]],
+        tolerance: float | None = None,
+        time_limit: float = 0.0,
+        frame: str = '',
+    ) -> Reach.Result:
+        """Run until goals are reached or cannot be; see `Client.start_reach`.
+
+        Raises
+        ------
+        HarnessError
+            If a node dies or a cycle is lost.
+        """
+        return self.finish(self.client.start_reach(goals, tolerance, time_limit, frame))
+
+    def finish(self, call: ReachCall) -> Reach.Result:
+        """Run until a goal that was sent has ended."""
+        while self._lockstep and call.result is None:
+            self.step(CHUNK // 5)
+        return call.wait()
 
     def send_feedforward(self, name: str, values: Sequence[float], frame: str = '') -> None:
         """Send a feedforward to a task; see `Client.send_feedforward`."""
