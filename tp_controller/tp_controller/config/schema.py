@@ -31,7 +31,9 @@ START = 'start'
 HOLD, TARGET = STARTS = ('hold', 'target')
 RESUME = 'resume'
 PRESENT, TARGETS = RESUMES = ('present', 'targets')
-COMMAND_TYPES = ('joint_state', 'float64_multi_array')
+VELOCITY_TYPES = ('joint_state', 'float64_multi_array')
+POSITION_TYPES = ('joint_state_position', 'float64_multi_array_position')
+COMMAND_TYPES = VELOCITY_TYPES + POSITION_TYPES
 
 SHARED: Mapping[str, Parameter] = {
     'robot.joints': Parameter(
@@ -130,7 +132,7 @@ SHARED: Mapping[str, Parameter] = {
     ),
     'command.type': Parameter(
         TEXT,
-        'Message that carries the command',
+        'Message that carries the command, and whether velocities or positions are in it',
         default='joint_state',
         choices=COMMAND_TYPES,
     ),
@@ -188,6 +190,13 @@ CONTROLLER: Mapping[str, Parameter] = {
         NUMBER,
         'Joint states per second [Hz]; position and acceleration limits, those of a URDF too, '
         'and set-based tasks need it',
+        above=0.0,
+    ),
+    'command.tolerance': Parameter(
+        NUMBERS,
+        'With positions: deviation [rad, m] from what was sent, beyond delay and lag, at which '
+        'the arm is brought to rest, one value or one per joint',
+        default=(0.02,),
         above=0.0,
     ),
     'timeouts.joint_state': Parameter(

@@ -25,7 +25,9 @@ from tp_controller.config import (
     know_rate,
     read_parameters,
 )
+from tp_controller.config.schema import POSITION_TYPES
 from tp_controller.errors import InvalidValue
+from tp_controller.position_reference import PositionReference
 from tp_controller.ros.commands import CommandPublisher
 from tp_controller.ros.cycle import ZEROS, ControlFailed, Cycle
 from tp_controller.ros.hold import Hold
@@ -107,8 +109,12 @@ class ControllerNode(RobotNode):
             self._warn_of_feedforwards('from the start, though start is hold')
         watch = StateWatch(limit, period)
         intake = self._intake = Intake(self, watch)
-        commands = CommandPublisher(self, robot, values['command.type'])
+        reference = None
+        if values['command.type'] in POSITION_TYPES:
+            reference = PositionReference(self._stack, values['command.tolerance'])
+        commands = CommandPublisher(self, robot, values['command.type'], reference)
         self._commands, self._watch = commands, watch
+        self._positions = reference is not None
         self._cycle = Cycle(
             self._stack,
             intake,
@@ -121,7 +127,8 @@ class ControllerNode(RobotNode):
             limit,
             self._inputs.feedforwards,
             self._inputs.handle,
-            self._found_rate if self._needs_rate() else None,
+            self._found_rate if self._needs_rate(reference is not None) else None,
+            reference,
         )
         self._neighbours = Neighbours(self, commands.topic, intake.topic, self._warnings)
         self._markers = Markers(robot, self._state.msg, self._stack.tasks.values())
@@ -155,7 +162,9 @@ class ControllerNode(RobotNode):
         except Exception as error:
             self._commands.send(0.0)
             self._commands.wait_until_arrived()
-            return f'zero command sent, as braking failed: {type(error).__name__}: {error}'
+            return (
+                f'{self._commands.rest} sent, as braking failed: {type(error).__name__}: {error}'
+            )
 
     def survives(self, error: Exception) -> bool:
         """Go on if control itself is not concerned; say so."""
@@ -182,8 +191,15 @@ class ControllerNode(RobotNode):
             if self._stack.level_of(name) >= 0 and task.feedforward.any():
                 self._log_warning(f'tasks.{name}.feedforward moves the arm {when}')
 
-    def _needs_rate(self) -> bool:
-        """Whether there are ranges to keep without a rate, which is said."""
+    def _needs_rate(self, positions: bool) -> bool:
+        """Whether there are ranges to keep, or positions to send, without a rate; it is said."""
+        if positions and self._settings.values['rate'] is None:
+            self._warnings.warn(
+                'rate',
+                'rate: got no value: the arm rests until it is found from the joint states, '
+                'command.type needs it',
+            )
+            return True
         try:
             self._stack.robot.limits.check_period(
                 self._stack.robot.joints, self._stack.safety_filter.period
@@ -348,7 +364,8 @@ class ControllerNode(RobotNode):
         if self._cycle.running or now - self._heartbeat_at < 0.999 * HEARTBEAT:
             return
         self._heartbeat_at = now
-        if self._cycle.zeros >= ZEROS:
+        if self._cycle.zeros >= ZEROS and not self._positions:
+            # An old position could make an arm jump that comes back somewhere else.
             self._cycle.brake()
         self._publish_state()
 
