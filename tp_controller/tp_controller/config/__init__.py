@@ -14,6 +14,7 @@ from tp_controller.config.build import (
 from tp_controller.config.changes import check_changes
 from tp_controller.config.files import empty_list, read_blocks, read_parameter_file, read_task
 from tp_controller.config.schema import (
+    AUTOSTART,
     HOLD,
     PRESENT,
     RESUME,
@@ -26,6 +27,7 @@ from tp_controller.config.schema import (
 )
 
 __all__ = [
+    'AUTOSTART',
     'HOLD',
     'PRESENT',
     'RESUME',

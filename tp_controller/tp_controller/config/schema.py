@@ -30,6 +30,7 @@ DESCRIPTION = 'robot_description'
 START = 'start'
 HOLD, TARGET = STARTS = ('hold', 'target')
 RESUME = 'resume'
+AUTOSTART = 'autostart'
 PRESENT, TARGETS = RESUMES = ('present', 'targets')
 VELOCITY_TYPES = ('joint_state', 'float64_multi_array')
 POSITION_TYPES = ('joint_state_position', 'float64_multi_array_position')
@@ -219,11 +220,17 @@ CONTROLLER: Mapping[str, Parameter] = {
         default=STARTS[0],
         choices=STARTS,
     ),
+    AUTOSTART: Parameter(
+        BOOLEAN,
+        'Whether the controller configures and activates itself; if not, the services of a '
+        'managed node do (ros2 lifecycle)',
+        default=True,
+    ),
     RESUME: Parameter(
         TEXT,
-        'Targets after ~/hold: present lets the tasks of the hierarchy take their values then, so '
-        'that the arm stays where it is until a goal comes; targets those from before the hold; '
-        'goals that came during it always count',
+        'Targets after ~/hold and after deactivation: present lets the tasks of the hierarchy '
+        'take their values then, so that the arm stays where it is until a goal comes; targets '
+        'those from before; goals that came meanwhile always count',
         default=PRESENT,
         choices=RESUMES,
         runtime=True,

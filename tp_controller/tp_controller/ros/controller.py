@@ -32,11 +32,12 @@ from tp_controller.ros.commands import CommandPublisher
 from tp_controller.ros.cycle import ZEROS, ControlFailed, Cycle
 from tp_controller.ros.hold import Hold
 from tp_controller.ros.intake import Intake
+from tp_controller.ros.lifecycle import ManagedNode
 from tp_controller.ros.live_parameters import LiveParameters
 from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
 from tp_controller.ros.markers import Markers
 from tp_controller.ros.neighbours import Neighbours
-from tp_controller.ros.robot_node import HEARTBEAT, RobotNode
+from tp_controller.ros.robot_node import HEARTBEAT
 from tp_controller.ros.state import StateMessage
 from tp_controller.ros.state_watch import StateWatch
 from tp_controller.ros.task_inputs import TaskInputs
@@ -59,13 +60,14 @@ SERVE_AGAIN = 0.02
 """right after a joint state was answered, or while joint states wait all the time,"""
 SERVE_SOON = 0.001
 """and while there is more to do."""
+INACTIVE = 'inactive: no command is sent'
 EARLIEST = 0.9
 """Least time [periods] between two commands of braking."""
 IN_A_ROW = 3
 """So many joint states are answered before other work, if they wait already."""
 
 
-class ControllerNode(RobotNode):
+class ControllerNode(ManagedNode):
     """Answers joint states with joint velocity commands.
 
     It waits for joint states alone and answers the newest in `work`. What else there is to do,
@@ -148,14 +150,46 @@ class ControllerNode(RobotNode):
             )
         self._hold = Hold(self, self._settings, self.log, self._on_hold)
         TaskServices(self, self._settings, self._on_task_added, self._on_task_removed)
-        self.log.info(f'waiting for joint states; tasks by level: {self._levels()}')
+        self._state.msg.status = ControllerState.INACTIVE
+        self._targets: dict[str, Any] | None = None
+        """Targets of the tasks when the node was deactivated, None before."""
         # What is there now stays: the collector need not look at it again, which takes long.
         gc.collect()
         gc.freeze()
 
+    def activate(self) -> None:
+        """Answer joint states from now on, as at the start."""
+        if self._targets is not None and self._settings.values[RESUME] == PRESENT:
+            self._stack.forget_targets(self._targets)
+        self._cycle.begin()
+        self.log.info(f'waiting for joint states; tasks by level: {self._levels()}')
+        self._due = True
+
+    def deactivate(self) -> str:
+        """Bring the arm to rest inside its limits; nothing is sent afterwards."""
+        stack = self._stack
+        held = stack.held
+        self._targets = {name: task.settings[0] for name, task in stack.tasks.items()}
+        stack.hold()
+        try:
+            return self._cycle.end()
+        except Exception:
+            self._commands.send(0.0)
+            raise
+        finally:
+            if not held:
+                stack.resume(targets=True)
+            self._cycle.show_held()
+            self._state.refresh(self._commands.velocity)
+            self._publish_state()
+
+    def close(self) -> None:
+        """Let parameters be."""
+        self._live_parameters.close()
+
     def stop(self) -> str:
         """Bring the robot to rest."""
-        if not self.started:
+        if not (self.started and self.active):
             return ''
         try:
             return self._cycle.rest()
@@ -261,7 +295,7 @@ class ControllerNode(RobotNode):
 
     def spin(self, executor: Executor) -> None:
         """Do what is due, else wait for a joint state; see `RobotNode.spin`."""
-        if not self.started:
+        if not (self.started and self.active):
             super().spin(executor)
             return
         now = time.monotonic()
@@ -302,6 +336,9 @@ class ControllerNode(RobotNode):
         """Answer the newest joint state; without one, take over goals that wait."""
         if not self.started:
             return
+        if not self.active:
+            self._idle()
+            return
         for turn in range(1, IN_A_ROW + 1):
             if not self._control():
                 break
@@ -314,6 +351,15 @@ class ControllerNode(RobotNode):
         if self._due and time.monotonic() - self._published >= LEAST_STATE_PERIOD:
             if self._cycle.running:
                 self._state.refresh(self._commands.velocity)
+            self._publish_state()
+
+    def _idle(self) -> None:
+        """Take goals over and show that the node lives, while it is inactive."""
+        self._cycle.ignore()
+        self._due |= self._inputs.handle(HEARTBEAT)
+        now = time.monotonic()
+        if self._due or now - self._heartbeat_at >= HEARTBEAT:
+            self._heartbeat_at = now
             self._publish_state()
 
     def _control(self) -> bool:
@@ -345,7 +391,7 @@ class ControllerNode(RobotNode):
     def _publish_state(self) -> None:
         self._due = False
         self._published = time.monotonic()
-        texts = (self._hold.message, self._warnings.message)
+        texts = ('' if self.active else INACTIVE, self._hold.message, self._warnings.message)
         self._state.msg.message = '; '.join(text for text in texts if text)
         self._state_publisher.publish(self._state.msg)
 

@@ -30,6 +30,10 @@ ZEROS = 10
 """Zero commands that follow braking at once; further ones follow with every sign of life."""
 LONGEST_BRAKING = 1.0
 """Time [s] that a controller which ends gives to braking."""
+LONGEST_END = 10.0
+"""Time [s] that it gives to braking when it is deactivated,"""
+LEAST_PATIENCE = 0.05
+"""and time [s] for which it then waits for a joint state at least."""
 BRAKING_PERIOD = 0.01
 """Time [s] between commands of braking where no rate is known."""
 OSCILLATION_PERIOD = 0.5
@@ -424,6 +428,44 @@ class Cycle:
         self._commands.send(command)
         self._braked = now
         self.zeros = 0 if command.any() else self.zeros + 1
+
+    def begin(self) -> None:
+        """Wait for joint states of an arm that stands still; nothing is sent before one comes."""
+        self._stack.rest()
+        self._oscillation.restart()
+        if self._reference is not None:
+            self._reference.stop()
+        if self._rate_check:
+            self._rate_check.restart()
+        self.zeros = 0
+        self._moved, self._braked = -math.inf, time.monotonic()
+        self._state.status = ControllerState.WAITING
+
+    def end(self) -> str:
+        """Brake to rest, by joint states as long as they come, and then answer none any more.
+
+        Returns
+        -------
+        str
+            How the arm came to rest.
+        """
+        begin = seen = time.monotonic()
+        patience = min(self._limit, max(4.0 * self.braking_period, LEAST_PATIENCE))
+        while self.running and not self._stack.at_rest:
+            now = time.monotonic()
+            if now - seen > patience or now - begin > LONGEST_END:
+                break
+            self._intake.wait(patience)
+            if self.work():
+                seen = time.monotonic()
+        braked = time.monotonic() - begin
+        told = self.rest()
+        self._state.status = ControllerState.INACTIVE
+        return told if braked < self.braking_period else f'braked to rest in {braked:.2g} s'
+
+    def ignore(self) -> None:
+        """Let joint states pass that nobody answers."""
+        self._intake.take()
 
     def rest(self) -> str:
         """Brake to rest and give zero commands time to arrive, for the end of the process.
