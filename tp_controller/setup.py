@@ -47,6 +47,7 @@ for_ros = {
     'data_files': [
         ('share/ament_index/resource_index/packages', [f'resource/{name}']),
         (f'share/{name}', ['package.xml']),
+        (f'share/{name}/launch', ['launch/robot.launch.py']),
         (f'share/{name}/config', sorted(str(path) for path in Path('config').glob('*.yaml'))),
     ],
     'entry_points': {

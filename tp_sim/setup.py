@@ -20,6 +20,8 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{name}']),
         (f'share/{name}', ['package.xml']),
+        (f'share/{name}/launch', ['launch/simulation.launch.py']),
+        (f'share/{name}/rviz', ['rviz/controller.rviz']),
     ],
     install_requires=['setuptools'],
     extras_require={'test': ['hypothesis', 'pytest', 'pytest-timeout']},

@@ -21,7 +21,15 @@ def robot_left_out(changes):
     return {'/**': {'robot': None}, 'tp_controller': changes}
 
 
+POSITIONS = {
+    '/**': {
+        'robot': {'base': 'planar', 'base_frame': 'odom'},
+        'command': {'type': 'joint_state_position'},
+    },
+}
+
 CONTROLLER = [
+    (POSITIONS, 'command.type', 'positions for a base that moves', 'a type of velocities'),
     (task(frame='link_9'), 'tasks.ee_position.frame', "'link_9'", 'link_1, link_2, link_3'),
     (task(target=[NAN, 0.5]), 'tasks.ee_position.target', 'nan', 'finite'),
     (task(target=[1.0]), 'tasks.ee_position.target', '1 value [1.0]', '2 values'),
@@ -64,6 +72,12 @@ CONTROLLER = [
 ]
 
 SIMULATOR = [
+    (
+        POSITIONS | {'tp_sim': {'initial_positions': None}},
+        'command.type',
+        'positions for a base that moves',
+        'a type of velocities',
+    ),
     ({'tp_sim': {'rate': 0.0}}, 'rate', '0.0', 'above 0'),
     ({'tp_sim': {'initial_positions': [0.0, 0.6]}}, 'initial_positions', '2 values', '3'),
     (

@@ -170,6 +170,11 @@ class Arm:
         return self._space.point(self._anchor, positions)
 
     @property
+    def known(self) -> bool:
+        """Whether a state was taken since the last `rest`."""
+        return self._known
+
+    @property
     def settled(self) -> bool:
         """Whether the arm is where all commands until now take it to, by the model."""
         return not self._timed or bool(np.max(np.abs(self._z - self._p)) <= SETTLED)
@@ -343,6 +348,23 @@ class Arm:
             self.held_upper,
             self.held_lower,
         )
+
+    def expected(self, elapsed: float) -> Vector:
+        """Positions (n,) that the model has so much time [s] later; it stays as it is.
+
+        Raises
+        ------
+        InvalidValue
+            If the period is unknown.
+        """
+        if not self._timed:
+            raise InvalidValue('rate', NO_VALUE, 'a number above 0')
+        before, now = self._state.copy(), self._now
+        self._now += elapsed
+        self._advance(elapsed)
+        found = self._p.copy()
+        self._state[:], self._now = before, now
+        return found
 
     def go_on(self, elapsed: float) -> None:
         """Let time [s] pass in which no state came.

@@ -31,6 +31,9 @@ class Integrator:
         If the initial positions are not finite numbers inside the position limits.
     """
 
+    servo_lag = 0.0
+    stiffness = 1.0
+
     def __init__(
         self, q: Sequence[float] | Vector, limits: Limits, space: Space | None = None
     ) -> None:

@@ -51,6 +51,10 @@ class Joints(Protocol):
 
     limits: Limits
     space: Space
+    servo_lag: float
+    """Time constant [s] with which a joint alone follows the command."""
+    stiffness: float
+    """Share of a deviation from a commanded position that is made up for in a step."""
 
     @property
     def q(self) -> Vector:
@@ -84,6 +88,8 @@ class Plant:
     joint that a stop has halted starts again from standstill.
 
     With the default settings the result is that of the joints alone, bit by bit.
+
+    Commands may be positions instead, see `follow`.
 
     Parameters
     ----------
@@ -178,6 +184,7 @@ class Plant:
         self._line.clear()
         self._line.extend(np.zeros(self._n) for _ in range(self.settings.delay))
         self._silence = 0.0
+        self._aim: Vector | None = None
         self._state_lost = False
         self._sense()
 
@@ -209,6 +216,50 @@ class Plant:
             self._silence += dt
             if self._silence > self.command_timeout + ROUNDING * dt:
                 self._heard[:] = 0.0
+        self._go_on(dt)
+
+    def follow(self, positions: Vector | None, dt: float) -> None:
+        r"""Move for ``dt`` [s] as an arm that is commanded positions.
+
+        Its servo gives the joints the velocity that takes them from the last commanded position
+        ``a`` to this one ``b``, and makes up for what they are away from ``a``:
+
+        .. math:: u = \frac{b - a}{dt} + k \frac{a - d}{dt}
+
+        where ``d`` is where the joints get to with what they were given until now, and ``k`` is
+        1 for joints that do as they are told. A velocity limit is not exceeded; delay and lag
+        are those of velocities. Without a command the joints go to the last one, for ever.
+
+        Parameters
+        ----------
+        positions
+            Positions (n,) [rad, m] that were sent; None if none were.
+        dt
+            Length of the step [s].
+        """
+        there = self._destination(dt)
+        before = there if self._aim is None else self._aim
+        lost = self._lost(self._commands, self.settings.command_loss)
+        aim = before if positions is None or lost else positions.copy()
+        speed = (aim - before + self.joints.stiffness * (before - there)) / dt
+        limit = self.joints.limits.velocity
+        self._heard[:] = np.clip(speed, -limit, limit)
+        if positions is not None and not lost:
+            self._aim = aim
+        self._go_on(dt)
+
+    def _destination(self, dt: float) -> Vector:
+        """Positions (n,) that the joints get to with the velocities of the steps until now."""
+        there = self.joints.space.positions(self.joints.q) + self.joints.servo_lag * self.joints.qd
+        if self._lags:
+            there += self._lag * self._speed
+        delay = self.settings.delay
+        for velocity in list(self._line)[-delay:] if delay else ():
+            there += dt * velocity
+        return there
+
+    def _go_on(self, dt: float) -> None:
+        """Move for ``dt`` [s] with what is in force."""
         self._line.append(self._heard.copy())
         while len(self._line) > self.settings.delay + 1:
             self._line.popleft()

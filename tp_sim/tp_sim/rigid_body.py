@@ -92,6 +92,8 @@ class RigidBodies:
         initial positions cannot be had; for settings of the wrong size or sign.
     """
 
+    stiffness = 0.3
+
     def __init__(
         self,
         robot: Robot,
@@ -124,6 +126,7 @@ class RigidBodies:
         if not given.bandwidth > 0.0:
             raise InvalidValue('plant.bandwidth', shown(given.bandwidth), 'a number above 0')
         self._bandwidth = given.bandwidth
+        self.servo_lag = 1.0 / given.bandwidth
         self._rotor, self._viscous, self._coulomb = (
             self._spread(key, getattr(given, key))
             for key in ('rotor_inertia', 'viscous_friction', 'coulomb_friction')

@@ -18,8 +18,9 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool
 
-from tp_controller.config.schema import COMMAND_TYPES
+from tp_controller.config.schema import COMMAND_TYPES, POSITION_TYPES
 from tp_controller.errors import InvalidValue, listed, shown
+from tp_controller.ros.commands import command_topic, is_stamped
 from tp_controller.ros.joint_states import JointStateReader
 from tp_controller.ros.parameters import ROS_OWN, describe_parameters
 from tp_controller.ros.polled import Polled, take
@@ -38,15 +39,12 @@ from tp_sim.settings import (
 Vector = NDArray[np.float64]
 
 QUEUE_DEPTH = 100
-MESSAGE_TYPES = dict(zip(COMMAND_TYPES, (JointState, Float64MultiArray), strict=True))
-TOPIC_TYPES = {
-    'joint_state': 'sensor_msgs/msg/JointState',
-    'float64_multi_array': 'std_msgs/msg/Float64MultiArray',
-}
+JOINT_STATE, ARRAY = 'sensor_msgs/msg/JointState', 'std_msgs/msg/Float64MultiArray'
+NO_POSITIONS = 'commands of positions for a base that moves'
 
 
 class SimulatorNode(RobotNode):
-    """Integrates joint velocity commands and publishes joint states.
+    """Moves joints as commands of velocities or positions say, and publishes joint states.
 
     In real time every step takes the newest command that has come. The joints move with the
     steady clock: steps that came late are caught up, with one command and one published state,
@@ -67,6 +65,8 @@ class SimulatorNode(RobotNode):
         values = settings.values
         describe_parameters(self, simulator_schema(values), values)
         self._space = settings.space
+        if values['command.type'] in POSITION_TYPES and self._space.blocks:
+            raise InvalidValue('command.type', NO_POSITIONS, 'a type of velocities')
         self._values = values
         self._schema = simulator_schema(values)
         self._plant = settings.plant
@@ -76,7 +76,6 @@ class SimulatorNode(RobotNode):
         limits = self._plant.joints.limits
         self._ends = limits.position_min, limits.position_max
         self._at_end = self._find_ends()
-        self._commands = JointStateReader(self._space.velocities, 'command', 'velocity')
         self._msg = JointState(name=list(self._space.coordinates))
         self._msg.header.frame_id = settings.base_frame
 
@@ -125,12 +124,17 @@ class SimulatorNode(RobotNode):
 
     def _listen_for(self, command_type: str) -> None:
         """Subscribe to commands of a type."""
-        self._stamped = command_type == 'joint_state'
+        self._command_type, self._stamped = command_type, is_stamped(command_type)
+        self._positions = command_type in POSITION_TYPES
+        self._commands = JointStateReader(
+            self._space.velocities, 'command', 'position' if self._positions else 'velocity'
+        )
+        self._fresh = False
         in_lockstep = self._values['lockstep']
         # A command in lockstep is an answer, none may be missed; else the newest one counts.
         self._subscription = self.create_subscription(
-            MESSAGE_TYPES[command_type],
-            'joint_velocity_command',
+            JointState if self._stamped else Float64MultiArray,
+            command_topic(command_type),
             self._on_command,
             QUEUE_DEPTH if in_lockstep else 1,
             callback_group=None if in_lockstep else Polled(),
@@ -145,13 +149,22 @@ class SimulatorNode(RobotNode):
             )
         if self._values['command.type'] is not None:
             return
-        found = {info.topic_type for info in infos}
-        for command_type, name in TOPIC_TYPES.items():
-            if found == {name} and (command_type == 'joint_state') != self._stamped:
-                self.get_logger().info(f'commands come as {name}')
-                with self._lock:
-                    self.destroy_subscription(self._subscription)
-                    self._listen_for(command_type)
+        heard = [kind for kind in COMMAND_TYPES if self._is_published(kind)]
+        if len(heard) == 1 and heard[0] != self._command_type:
+            if heard[0] in POSITION_TYPES and self._space.blocks:
+                self.get_logger().warning(f'{NO_POSITIONS}, which are not heard', once=True)
+                return
+            topic = command_topic(heard[0])
+            self.get_logger().info(f'commands come as {heard[0]} on {topic}')
+            with self._lock:
+                self.destroy_subscription(self._subscription)
+                self._listen_for(heard[0])
+
+    def _is_published(self, command_type: str) -> bool:
+        """Whether anybody publishes commands of a type."""
+        topic = self.resolve_topic_name(command_topic(command_type))
+        message = JOINT_STATE if is_stamped(command_type) else ARRAY
+        return any(info.topic_type == message for info in self.get_publishers_info_by_topic(topic))
 
     def _check_changes(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
         try:
@@ -205,7 +218,8 @@ class SimulatorNode(RobotNode):
 
     def _move(self) -> int:
         """Integrate the newest command for one step; return its length [ns]."""
-        self._plant.step(self._command if self._fresh else None, self._dt)
+        move = self._plant.follow if self._positions else self._plant.step
+        move(self._command if self._fresh else None, self._dt)
         self._fresh = False
         self._tell_stops()
         return round(1e9 * self._dt)

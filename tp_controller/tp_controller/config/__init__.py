@@ -23,6 +23,7 @@ from tp_controller.config.files import (
 from tp_controller.config.requests import Request, check_request, remaining, split_request
 from tp_controller.config.saving import parameter_text, present_parameters, write_text
 from tp_controller.config.schema import (
+    AUTOSTART,
     HOLD,
     PRESENT,
     RESUME,
@@ -37,6 +38,7 @@ from tp_controller.config.schema import (
 )
 
 __all__ = [
+    'AUTOSTART',
     'HOLD',
     'PRESENT',
     'RESUME',

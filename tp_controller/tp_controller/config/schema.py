@@ -30,8 +30,11 @@ DESCRIPTION = 'robot_description'
 START = 'start'
 HOLD, TARGET = STARTS = ('hold', 'target')
 RESUME = 'resume'
+AUTOSTART = 'autostart'
 PRESENT, TARGETS = RESUMES = ('present', 'targets')
-COMMAND_TYPES = ('joint_state', 'float64_multi_array')
+VELOCITY_TYPES = ('joint_state', 'float64_multi_array')
+POSITION_TYPES = ('joint_state_position', 'float64_multi_array_position')
+COMMAND_TYPES = VELOCITY_TYPES + POSITION_TYPES
 
 SHARED: Mapping[str, Parameter] = {
     'robot.joints': Parameter(
@@ -130,7 +133,7 @@ SHARED: Mapping[str, Parameter] = {
     ),
     'command.type': Parameter(
         TEXT,
-        'Message that carries the command',
+        'Message that carries the command, and whether velocities or positions are in it',
         default='joint_state',
         choices=COMMAND_TYPES,
     ),
@@ -198,6 +201,13 @@ CONTROLLER: Mapping[str, Parameter] = {
         'and set-based tasks need it',
         above=0.0,
     ),
+    'command.tolerance': Parameter(
+        NUMBERS,
+        'With positions: deviation [rad, m] from what was sent, beyond delay and lag, at which '
+        'the arm is brought to rest, one value or one per joint',
+        default=(0.02,),
+        above=0.0,
+    ),
     'timeouts.joint_state': Parameter(
         NUMBER,
         'Age [s] at which a joint state moves nothing; without newer ones the arm is braked '
@@ -218,11 +228,17 @@ CONTROLLER: Mapping[str, Parameter] = {
         default=STARTS[0],
         choices=STARTS,
     ),
+    AUTOSTART: Parameter(
+        BOOLEAN,
+        'Whether the controller configures and activates itself; if not, the services of a '
+        'managed node do (ros2 lifecycle)',
+        default=True,
+    ),
     RESUME: Parameter(
         TEXT,
-        'Targets after ~/hold: present lets the tasks of the hierarchy take their values then, so '
-        'that the arm stays where it is until a goal comes; targets those from before the hold; '
-        'goals that came during it always count',
+        'Targets after ~/hold and after deactivation: present lets the tasks of the hierarchy '
+        'take their values then, so that the arm stays where it is until a goal comes; targets '
+        'those from before; goals that came meanwhile always count',
         default=PRESENT,
         choices=RESUMES,
         runtime=True,

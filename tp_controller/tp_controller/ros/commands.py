@@ -1,4 +1,4 @@
-"""Joint velocity commands as messages."""
+"""Commands as messages: joint velocities or positions."""
 
 from __future__ import annotations
 
@@ -12,11 +12,23 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+from tp_controller.config.schema import POSITION_TYPES
+from tp_controller.position_reference import PositionReference
 from tp_controller.robot import Robot
 from tp_controller.ros.serialized import Serialized
 
 QUEUE_DEPTH = 100
-TOPIC = 'joint_velocity_command'
+VELOCITY_TOPIC, POSITION_TOPIC = 'joint_velocity_command', 'joint_position_command'
+
+
+def command_topic(command_type: str) -> str:
+    """Name of the topic for a value of ``command.type``."""
+    return POSITION_TOPIC if command_type in POSITION_TYPES else VELOCITY_TOPIC
+
+
+def is_stamped(command_type: str) -> bool:
+    """Whether commands of this ``command.type`` are sensor_msgs/JointState."""
+    return command_type.startswith('joint_state')
 
 
 class CommandPublisher:
@@ -29,25 +41,41 @@ class CommandPublisher:
     robot
         The robot, for joint names.
     command_type
-        ``joint_state`` or ``float64_multi_array``.
+        One of `COMMAND_TYPES`.
+    reference
+        Makes positions of velocities, for a type that needs them. Nothing is published before
+        it has begun.
 
     Attributes
     ----------
     velocity
         The command sent last (n,) [rad/s, m/s].
+    rest
+        What is sent to an arm at rest, in words.
     """
 
-    def __init__(self, node: Node, robot: Robot, command_type: str) -> None:
+    def __init__(
+        self,
+        node: Node,
+        robot: Robot,
+        command_type: str,
+        reference: PositionReference | None = None,
+    ) -> None:
         self._node = node
-        self._stamped = command_type == 'joint_state'
+        self._reference = reference
+        self._stamped = is_stamped(command_type)
+        field = 'velocity' if reference is None else 'position'
         if self._stamped:
             msg: Any = JointState(name=list(robot.joints))
             msg.header.frame_id = robot.base_frame
         else:
-            msg = Float64MultiArray()
+            msg, field = Float64MultiArray(), 'data'
         self.velocity = np.zeros(robot.n)
-        self._publisher = node.create_publisher(type(msg), TOPIC, QUEUE_DEPTH)
-        self._message = Serialized(msg, 'velocity' if self._stamped else 'data', robot.n)
+        self.rest = 'zero command' if reference is None else 'last position'
+        self._publisher = node.create_publisher(
+            type(msg), command_topic(command_type), QUEUE_DEPTH
+        )
+        self._message = Serialized(msg, field, robot.n)
         self._bytes = b''
 
     @property
@@ -74,10 +102,18 @@ class CommandPublisher:
         self.velocity[:] = command
         if self._stamped and stamp is None:
             stamp = self._node.get_clock().now().to_msg()
-        self._bytes = self._message.write(self.velocity, stamp)
+        reference = self._reference
+        if reference is None:
+            self._bytes = self._message.write(self.velocity, stamp)
+        elif reference.begun:
+            self._bytes = self._message.write(reference.after(self.velocity), stamp)
 
     def send_prepared(self) -> None:
         """Publish what was prepared; little time passes in between, to be too late in."""
+        if self._reference is not None:
+            if not self._reference.begun:
+                return
+            self._reference.advance()
         self._publisher.publish(self._bytes)
 
     def wait_until_arrived(self) -> None:

@@ -25,18 +25,21 @@ from tp_controller.config import (
     know_rate,
     read_parameters,
 )
+from tp_controller.config.schema import POSITION_TYPES
 from tp_controller.errors import InvalidValue
+from tp_controller.position_reference import PositionReference
 from tp_controller.ros.commands import CommandPublisher
 from tp_controller.ros.cycle import ZEROS, ControlFailed, Cycle
 from tp_controller.ros.diagnostics import PERIOD as DIAGNOSTICS_PERIOD
 from tp_controller.ros.diagnostics import Diagnostics
-from tp_controller.ros.hold import HELD, Hold
+from tp_controller.ros.hold import HELD, INACTIVE, Hold, refuse_at_rest
 from tp_controller.ros.intake import Intake
+from tp_controller.ros.lifecycle import ManagedNode
 from tp_controller.ros.live_parameters import LiveParameters
 from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
 from tp_controller.ros.markers import Markers
 from tp_controller.ros.neighbours import Neighbours
-from tp_controller.ros.robot_node import HEARTBEAT, RobotNode
+from tp_controller.ros.robot_node import HEARTBEAT
 from tp_controller.ros.stack_services import StackServices
 from tp_controller.ros.state import StateMessage
 from tp_controller.ros.state_watch import StateWatch
@@ -70,7 +73,7 @@ IN_A_ROW = 3
 """So many joint states are answered before other work, if they wait already."""
 
 
-class ControllerNode(RobotNode):
+class ControllerNode(ManagedNode):
     """Answers joint states with joint velocity commands.
 
     It waits for joint states alone and answers the newest in `work`. What else there is to do,
@@ -109,15 +112,21 @@ class ControllerNode(RobotNode):
         self._state = StateMessage(self._stack)
         self._live_parameters = LiveParameters(self, self._settings, self._state.follow_hierarchy)
         self._warnings = Warnings(self._log_warning, self.log.info)
-        self._inputs = TaskInputs(self, self._settings, self._state, self._warnings, period)
+        self._inputs = TaskInputs(
+            self, self._settings, self._state, self._warnings, period, self._refuse_at_rest
+        )
         for task in self._stack.tasks.values():
             list(self._listen(task))
         if self._settings.values[START] == HOLD:
             self._warn_of_feedforwards('from the start, though start is hold')
         watch = StateWatch(limit, period)
         intake = self._intake = Intake(self, watch)
-        commands = CommandPublisher(self, robot, values['command.type'])
+        reference = None
+        if values['command.type'] in POSITION_TYPES:
+            reference = PositionReference(self._stack, values['command.tolerance'])
+        commands = CommandPublisher(self, robot, values['command.type'], reference)
         self._commands, self._watch = commands, watch
+        self._positions = reference is not None
         self._cycle = Cycle(
             self._stack,
             intake,
@@ -130,7 +139,8 @@ class ControllerNode(RobotNode):
             limit,
             self._inputs.answered,
             self._inputs.handle,
-            self._found_rate if self._needs_rate() else None,
+            self._found_rate if self._needs_rate(reference is not None) else None,
+            reference,
         )
         self._neighbours = Neighbours(self, commands.topic, intake.topic, self._warnings)
         self._markers = Markers(robot, self._state.msg, self._stack.tasks.values())
@@ -155,7 +165,9 @@ class ControllerNode(RobotNode):
         self._reach: ReachServer | None = None
         self._later: Iterator[None] | None = self._begin_later()
         StackServices(self, self._settings, self._on_task_added, self._on_task_removed)
-        self.log.info(f'waiting for joint states; tasks by level: {self._levels()}')
+        self._state.msg.status = ControllerState.INACTIVE
+        self._targets: dict[str, Any] | None = None
+        """Targets of the tasks when the node was deactivated, None before."""
         # What is there now stays: the collector need not look at it again, which takes long.
         gc.collect()
         gc.freeze()
@@ -185,18 +197,64 @@ class ControllerNode(RobotNode):
             self._inputs.answered,
             self._commands.velocity,
             self.log,
+            self._refuse_at_rest,
         )
+
+    def activate(self) -> None:
+        """Answer joint states from now on, as at the start."""
+        if self._targets is not None and self._settings.values[RESUME] == PRESENT:
+            self._stack.forget_targets(self._targets)
+        self._cycle.begin()
+        self.log.info(f'waiting for joint states; tasks by level: {self._levels()}')
+        self._due = True
+
+    def deactivate(self) -> str:
+        """Bring the arm to rest inside its limits; nothing is sent afterwards."""
+        stack = self._stack
+        held = stack.held
+        self._end_goals('deactivated')
+        self._targets = {name: task.settings[0] for name, task in stack.tasks.items()}
+        stack.hold()
+        try:
+            return self._cycle.end()
+        except Exception:
+            self._commands.send(0.0)
+            raise
+        finally:
+            if not held:
+                stack.resume(targets=True)
+            self._cycle.show_held()
+            self._state.refresh(self._commands.velocity)
+            self._publish_state()
+
+    def close(self) -> None:
+        """Let parameters be, and the action."""
+        self._live_parameters.close()
+        self._later = None
+        if self._reach is not None:
+            self._reach.close()
+
+    def _refuse_at_rest(self, key: str) -> None:
+        refuse_at_rest(key, self._stack.held, self.active)
+
+    def _end_goals(self, cause: str) -> None:
+        """End all that is under way to goals or along paths."""
+        if self._reach is not None:
+            self._reach.interrupt(cause)
+        self._inputs.trajectories.end_all()
 
     def stop(self) -> str:
         """Bring the robot to rest."""
-        if not self.started:
+        if not (self.started and self.active):
             return ''
         try:
             return self._cycle.rest()
         except Exception as error:
             self._commands.send(0.0)
             self._commands.wait_until_arrived()
-            return f'zero command sent, as braking failed: {type(error).__name__}: {error}'
+            return (
+                f'{self._commands.rest} sent, as braking failed: {type(error).__name__}: {error}'
+            )
 
     def survives(self, error: Exception) -> bool:
         """Go on if control itself is not concerned; say so."""
@@ -223,8 +281,15 @@ class ControllerNode(RobotNode):
             if self._stack.level_of(name) >= 0 and task.feedforward.any():
                 self._log_warning(f'tasks.{name}.feedforward moves the arm {when}')
 
-    def _needs_rate(self) -> bool:
-        """Whether there are ranges to keep without a rate, which is said."""
+    def _needs_rate(self, positions: bool) -> bool:
+        """Whether there are ranges to keep, or positions to send, without a rate; it is said."""
+        if positions and self._settings.values['rate'] is None:
+            self._warnings.warn(
+                'rate',
+                'rate: got no value: the arm rests until it is found from the joint states, '
+                'command.type needs it',
+            )
+            return True
         try:
             self._stack.robot.limits.check_period(
                 self._stack.robot.joints, self._stack.safety_filter.period
@@ -282,9 +347,7 @@ class ControllerNode(RobotNode):
         self._cycle.show_held()
         self._due = True
         if self._stack.held:
-            if self._reach is not None:
-                self._reach.interrupt(HELD)
-            self._inputs.trajectories.end_all()
+            self._end_goals(HELD)
         if not self._stack.held and self._settings.values[RESUME] == PRESENT:
             self._warn_of_feedforwards('after the hold, though resume is present')
 
@@ -292,7 +355,7 @@ class ControllerNode(RobotNode):
 
     def spin(self, executor: Executor) -> None:
         """Do what is due, else wait for a joint state; see `RobotNode.spin`."""
-        if not self.started:
+        if not (self.started and self.active):
             super().spin(executor)
             return
         now = time.monotonic()
@@ -336,6 +399,9 @@ class ControllerNode(RobotNode):
         """Answer the newest joint state; without one, take over goals that wait."""
         if not self.started:
             return
+        if not self.active:
+            self._idle()
+            return
         for turn in range(1, IN_A_ROW + 1):
             if not self._control():
                 break
@@ -348,6 +414,15 @@ class ControllerNode(RobotNode):
         if self._due and time.monotonic() - self._published >= LEAST_STATE_PERIOD:
             if self._cycle.running:
                 self._state.refresh(self._commands.velocity)
+            self._publish_state()
+
+    def _idle(self) -> None:
+        """Take goals over and show that the node lives, while it is inactive."""
+        self._cycle.ignore()
+        self._due |= self._inputs.handle(HEARTBEAT)
+        now = time.monotonic()
+        if self._due or now - self._heartbeat_at >= HEARTBEAT:
+            self._heartbeat_at = now
             self._publish_state()
 
     def _control(self) -> bool:
@@ -384,7 +459,8 @@ class ControllerNode(RobotNode):
         self._due = False
         self._published = time.monotonic()
         changing = TRANSITION if self._stack.in_transition else ''
-        texts = (self._hold.message, changing, self._warnings.message)
+        idle = '' if self.active else INACTIVE
+        texts = (idle, self._hold.message, changing, self._warnings.message)
         self._state.msg.message = '; '.join(text for text in texts if text)
         self._state_publisher.publish(self._state.msg)
 
@@ -406,7 +482,8 @@ class ControllerNode(RobotNode):
         if self._cycle.running or now - self._heartbeat_at < 0.999 * HEARTBEAT:
             return
         self._heartbeat_at = now
-        if self._cycle.zeros >= ZEROS:
+        if self._cycle.zeros >= ZEROS and not self._positions:
+            # An old position could make an arm jump that comes back somewhere else.
             self._cycle.brake()
         self._publish_state()
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from tp_controller.errors import InvalidValue, UnusableState
 from tp_controller.oscillation import OscillationWatch
+from tp_controller.position_reference import PositionReference
 from tp_controller.ros.answered_time import AnsweredTime
 from tp_controller.ros.commands import CommandPublisher
 from tp_controller.ros.intake import Intake
@@ -20,7 +21,7 @@ from tp_controller.ros.rate import RateEstimate
 from tp_controller.ros.robot_node import HEARTBEAT
 from tp_controller.ros.state_watch import Arrival, StateWatch
 from tp_controller.ros.warnings import Warnings
-from tp_controller.stack import Stack
+from tp_controller.stack import Stack, Step
 from tp_interfaces.msg import ControllerState
 
 TRIES = 3
@@ -29,6 +30,10 @@ ZEROS = 10
 """Zero commands that follow braking at once; further ones follow with every sign of life."""
 LONGEST_BRAKING = 1.0
 """Time [s] that a controller which ends gives to braking."""
+LONGEST_END = 10.0
+"""Time [s] that it gives to braking when it is deactivated,"""
+LEAST_PATIENCE = 0.05
+"""and time [s] for which it then waits for a joint state at least."""
 BRAKING_PERIOD = 0.01
 """Time [s] between commands of braking where no rate is known."""
 OSCILLATION_PERIOD = 0.5
@@ -68,6 +73,8 @@ class Cycle:
         Called with a rate [Hz] that the parameters do not tell, when it is found from the
         joint states: the stack then has to know it. The arm rests until then. None if no rate
         has to be found.
+    reference
+        Of an arm that takes positions: the stack answers it in place of what is measured.
     """
 
     def __init__(
@@ -84,6 +91,7 @@ class Cycle:
         answered: AnsweredTime,
         before: Callable[[float], object],
         found_rate: Callable[[float], object] | None = None,
+        reference: PositionReference | None = None,
     ) -> None:
         self._stack = stack
         self._intake = intake
@@ -96,6 +104,7 @@ class Cycle:
         self._answered = answered
         self._before = before
         self._found_rate = found_rate
+        self._reference = reference
         self._rate_estimate = RateEstimate() if found_rate else None
         self._reader = JointStateReader(stack.robot.coordinates)
         self._q, self._rates = np.zeros((2, stack.robot.nq))
@@ -210,7 +219,7 @@ class Cycle:
             step_time = self._time_of_step(arrival, again)
             refusal: UnusableState | None = None
             try:
-                step = self._stack.step_in_place(self._q, step_time, self._qd)
+                step = self._step(step_time)
                 command, scale = step.command, step.scale
             except UnusableState as error:
                 refusal, command = error, error.command
@@ -256,6 +265,13 @@ class Cycle:
             self.show_held()
         return True
 
+    def _step(self, step_time: float | None) -> Step:
+        """Compute the command that answers the state that was read last."""
+        reference = self._reference
+        if reference is None:
+            return self._stack.step_in_place(self._q, step_time, self._qd)
+        return reference.answer(self._q, step_time)
+
     def show_held(self) -> None:
         """Tell whether the arm is held at rest."""
         self._state.held = self._stack.held
@@ -275,6 +291,8 @@ class Cycle:
         if again and self._moved > self._braked:
             # Who sends a state again has not moved since.
             self._stack.undo()
+            if self._reference is not None:
+                self._reference.undo()
             return self._step_time
         elapsed = self._elapsed(arrival)
         return elapsed if math.isfinite(elapsed) else None
@@ -286,7 +304,8 @@ class Cycle:
         self._step_time = step_time
         if not again:
             self._watch.answered(arrival)
-        if notice := self._stack.arm.notice:
+        followed = self._stack.arm if self._reference is None else self._reference
+        if notice := followed.notice:
             self._warnings.warn('arm', f'{notice}: the arm is braked')
 
     def _stay(self, estimate: RateEstimate, arrival: Arrival) -> None:
@@ -297,6 +316,8 @@ class Cycle:
             self._rate_estimate = None
             self._use_rate(rate)
             self._found_rate(rate)
+            if self._reference is not None:
+                self._reference.know_period()
 
     def _oldest(self) -> float:
         """Age [s] of a state whose command may still be sent."""
@@ -316,7 +337,11 @@ class Cycle:
             self._answered.advance(-passed)
             return
         self._oscillation.restart()
-        self._commands.send(self._stack.brake(step_time, self._q, self._qd))
+        if self._reference is None:
+            command = self._stack.brake(step_time, self._q, self._qd)
+        else:
+            command = self._reference.brake()
+        self._commands.send(command)
         self._note_answer(arrival, False, step_time)
 
     def _elapsed(self, arrival: Arrival) -> float:
@@ -386,6 +411,8 @@ class Cycle:
             self._warnings.clear('rate')
         self._oscillation.restart()
         self._state.status = ControllerState.STALE
+        if self._reference is not None:
+            self._reference.pause()
         self.zeros = 0
         refused = self._state.ignored_states > self._refused
         cause = f'no {"usable " if refused else ""}joint state for {self._limit:g} s'
@@ -398,10 +425,52 @@ class Cycle:
         """Send the next command of braking to rest; once at rest, a zero command."""
         now = time.monotonic()
         last = max(self._moved, self._braked)
-        command = self._stack.brake(now - last if math.isfinite(last) else 0.0)
+        passed = now - last if math.isfinite(last) else 0.0
+        if self._reference is not None:
+            # An arm that takes positions waits where it was told to go.
+            passed = self._reference.step
+        command = self._stack.brake(passed)
         self._commands.send(command)
         self._braked = now
         self.zeros = 0 if command.any() else self.zeros + 1
+
+    def begin(self) -> None:
+        """Wait for joint states of an arm that stands still; nothing is sent before one comes."""
+        self._stack.rest()
+        self._oscillation.restart()
+        if self._reference is not None:
+            self._reference.stop()
+        if self._rate_check:
+            self._rate_check.restart()
+        self.zeros = 0
+        self._moved, self._braked = -math.inf, time.monotonic()
+        self._state.status = ControllerState.WAITING
+
+    def end(self) -> str:
+        """Brake to rest, by joint states as long as they come, and then answer none any more.
+
+        Returns
+        -------
+        str
+            How the arm came to rest.
+        """
+        begin = seen = time.monotonic()
+        patience = min(self._limit, max(4.0 * self.braking_period, LEAST_PATIENCE))
+        while self.running and not self._stack.at_rest:
+            now = time.monotonic()
+            if now - seen > patience or now - begin > LONGEST_END:
+                break
+            self._intake.wait(patience)
+            if self.work():
+                seen = time.monotonic()
+        braked = time.monotonic() - begin
+        told = self.rest()
+        self._state.status = ControllerState.INACTIVE
+        return told if braked < self.braking_period else f'braked to rest in {braked:.2g} s'
+
+    def ignore(self) -> None:
+        """Let joint states pass that nobody answers."""
+        self._intake.take()
 
     def rest(self) -> str:
         """Brake to rest and give zero commands time to arrive, for the end of the process.
@@ -419,7 +488,7 @@ class Cycle:
                 self._stack.rest()
                 self._commands.send(0.0)
                 self._commands.wait_until_arrived()
-                return f'braking cut after {LONGEST_BRAKING:g} s, zero command sent'
+                return f'braking cut after {LONGEST_BRAKING:g} s, {self._commands.rest} sent'
             self.brake()
             if self.zeros == 1:
                 rest = time.monotonic()
@@ -427,5 +496,5 @@ class Cycle:
             time.sleep(max(0.0, min(self.braking_period, HEARTBEAT)))
         self._commands.wait_until_arrived()
         if rest - begin < self.braking_period:
-            return 'zero command sent'
+            return f'{self._commands.rest} sent'
         return f'braked to rest in {rest - begin:.2g} s'

@@ -8,11 +8,27 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool
 
 from tp_controller.config import RESUME, TARGETS, Settings
+from tp_controller.errors import InvalidValue
 from tp_controller.ros.log import Log
 
 HELD = 'held by ~/hold'
+INACTIVE = 'inactive: no command is sent'
 EMPTY = 'no task in the hierarchy'
 OFF = 'every task of the hierarchy is off'
+
+
+def refuse_at_rest(key: str, held: bool, active: bool) -> None:
+    """Refuse what would have to wait for an arm that is kept at rest.
+
+    Raises
+    ------
+    InvalidValue
+        For ``key`` while the arm is held or the node is not active.
+    """
+    if held:
+        raise InvalidValue(key, f'one while {HELD}', 'ones once it is called with false')
+    if not active:
+        raise InvalidValue(key, 'one while the node is not active', 'ones once it is')
 
 
 class Hold:

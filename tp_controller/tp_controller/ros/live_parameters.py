@@ -61,6 +61,11 @@ class LiveParameters:
             if self._node.has_parameter(key):
                 self._node.undeclare_parameter(key)
 
+    def close(self) -> None:
+        """Let changes be."""
+        self._node.remove_on_set_parameters_callback(self._check)
+        self._node.remove_post_set_parameters_callback(self._apply)
+
     def _check(self, parameters: Sequence[RosParameter]) -> SetParametersResult:
         if self._declaring:
             return SetParametersResult(successful=True)

@@ -23,6 +23,7 @@ from sensor_msgs.msg import JointState
 
 from tp_controller.config import build_robot, read_parameter_file
 from tp_controller.config.build import read_parameters
+from tp_controller.config.schema import POSITION_TYPES
 from tp_controller.errors import InvalidValue, TaskPriorityError
 from tp_controller.identification import Fit, fit_response
 from tp_controller.measuring import (
@@ -33,12 +34,14 @@ from tp_controller.measuring import (
     directions,
     pulses,
 )
+from tp_controller.position_reference import PositionReference
 from tp_controller.robot import Robot
 from tp_controller.ros.arguments import one_line
-from tp_controller.ros.commands import TOPIC, CommandPublisher
+from tp_controller.ros.commands import CommandPublisher, command_topic
 from tp_controller.ros.joint_states import JointStateReader
 from tp_controller.ros.neighbours import publishers
 from tp_controller.ros.run import SIGNALS
+from tp_controller.stack import Stack
 
 Vector = NDArray[np.float64]
 
@@ -153,7 +156,10 @@ class _Measurement:
 
     def __init__(self, node: Node, robot: Robot, values: dict[str, Any], amplitude: float) -> None:
         self._node, self._robot, self._amplitude = node, robot, amplitude
-        self._command_type = values['command.type']
+        self._command_type, self._tolerance = (
+            values['command.type'],
+            values['command.tolerance'],
+        )
         self._limit = values['timeouts.joint_state']
         rate = values['rate']
         self._period = 1.0 / rate if rate else 0.0
@@ -191,7 +197,7 @@ class _Measurement:
         if not confirmed:
             self._ask(ways)
         self._handle_signals()
-        self._commands = CommandPublisher(self._node, robot, self._command_type)
+        self._commands = self._publisher()
         self._start[:] = self._q
         fits = []
         try:
@@ -202,8 +208,17 @@ class _Measurement:
             self._brake()
         return self._report(fits, 0.5 * np.ptp(rest, axis=0))
 
+    def _publisher(self) -> CommandPublisher:
+        """Publisher of commands; positions begin where the arm is."""
+        robot, reference = self._robot, None
+        if self._command_type in POSITION_TYPES:
+            stack = Stack(robot, [], rate=1.0 / self._period)
+            reference = PositionReference(stack, self._tolerance)
+            reference.answer(self._q, None)
+        return CommandPublisher(self._node, robot, self._command_type, reference)
+
     def _look_for_others(self) -> None:
-        topic = self._node.resolve_topic_name(TOPIC)
+        topic = self._node.resolve_topic_name(command_topic(self._command_type))
         end = time.monotonic() + DISCOVERY
         while time.monotonic() < end:
             rclpy.spin_once(self._node, timeout_sec=0.05)
@@ -299,7 +314,7 @@ class _Measurement:
             If the measurement has to end.
         """
         looked = time.monotonic()
-        topic = self._node.resolve_topic_name(TOPIC)
+        topic = self._node.resolve_topic_name(command_topic(self._command_type))
         while condition():
             rclpy.spin_once(self._node, timeout_sec=0.02)
             now = time.monotonic()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +23,6 @@ from tp_controller.explanation import Explanation, explanations
 from tp_controller.progress import Progress, Verdict
 from tp_controller.ros.answered_time import AnsweredTime
 from tp_controller.ros.codecs import codec_of
-from tp_controller.ros.hold import HELD
 from tp_controller.ros.log import Log
 from tp_controller.ros.task_inputs import TaskInputs
 from tp_controller.stack import Stack
@@ -149,6 +148,8 @@ class ReachServer:
         The command sent last (n,) [rad/s, m/s]; it is kept up to date.
     log
         Has one line at the end of each goal.
+    refuse_at_rest
+        Raises InvalidValue for the key that it is called with while the arm is kept at rest.
 
     Attributes
     ----------
@@ -164,7 +165,9 @@ class ReachServer:
         answered: AnsweredTime,
         command: Vector,
         log: Log,
+        refuse_at_rest: Callable[[str], None],
     ) -> None:
+        self._refuse_at_rest = refuse_at_rest
         self._stack, self._inputs, self._release = stack, inputs, inputs.release
         self._answered, self._command, self._log = answered, command, log
         self._goals: list[_Goal] = []
@@ -208,6 +211,10 @@ class ReachServer:
             self._finish(goal, Reach.Result.INTERRUPTED, cause)
         self._note_active()
 
+    def close(self) -> None:
+        """Serve no longer."""
+        self._server.destroy()
+
     def _note_active(self) -> None:
         self.active = bool(self._goals)
 
@@ -249,8 +256,7 @@ class ReachServer:
         stack = self._stack
         if request.around:
             raise InvalidValue('around', 'true', 'false: no ways around obstacles are planned')
-        if stack.held:
-            raise InvalidValue('goals', f'one while {HELD}', 'goals once it is called with false')
+        self._refuse_at_rest('goals')
         if not request.goals:
             raise InvalidValue('goals', 'none', 'one for each task')
         if len(request.goals) > len(stack.tasks):

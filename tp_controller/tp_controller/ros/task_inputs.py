@@ -73,6 +73,8 @@ class TaskInputs:
         Where refused messages are told.
     period
         Time [s] of one cycle; infinite if unknown.
+    refuse_at_rest
+        Raises InvalidValue for the key that it is called with while the arm is kept at rest.
 
     Attributes
     ----------
@@ -93,6 +95,7 @@ class TaskInputs:
         state: StateMessage,
         warnings: Warnings,
         period: float,
+        refuse_at_rest: Callable[[str], None],
     ) -> None:
         self._node = node
         self._settings = settings
@@ -110,6 +113,7 @@ class TaskInputs:
             self.release,
             self._configured,
             settings.values['timeouts.feedforward'],
+            refuse_at_rest,
         )
         self.answered.follow(self.trajectories)
         self.know_period(period)

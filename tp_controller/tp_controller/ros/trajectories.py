@@ -10,7 +10,6 @@ from builtin_interfaces.msg import Time
 
 from tp_controller.errors import InvalidValue
 from tp_controller.ros.codecs import GOALS, Frames
-from tp_controller.ros.hold import HELD
 from tp_controller.ros.release import Release
 from tp_controller.ros.state_watch import nanoseconds
 from tp_controller.ros.trajectory_messages import Begin
@@ -62,6 +61,8 @@ class Trajectories:
         Feedforward (k,) of a task outside trajectories.
     longest
         Time [s] for which a point alone goes on at its velocity.
+    refuse_at_rest
+        Raises InvalidValue for the key that it is called with while the arm is kept at rest.
     """
 
     def __init__(
@@ -71,7 +72,9 @@ class Trajectories:
         release: Release,
         configured: Callable[[Task], np.ndarray],
         longest: float,
+        refuse_at_rest: Callable[[str], None],
     ) -> None:
+        self._refuse_at_rest = refuse_at_rest
         self._stack, self._stamp, self._release = stack, stamp, release
         self._configured, self._longest = configured, longest
         self._runs: dict[Task, _Run] = {}
@@ -94,10 +97,7 @@ class Trajectories:
         stack = self._stack
         if not frames.robot_seen:
             raise InvalidValue('trajectory', 'one before the first joint state', 'later ones')
-        if stack.held:
-            raise InvalidValue(
-                'trajectory', f'one while {HELD}', 'ones once it is called with false'
-            )
+        self._refuse_at_rest('trajectory')
         if stack.level_of(task.name) < 0:
             got = 'one for a task that is not in the hierarchy'
             raise InvalidValue('trajectory', got, 'ones for tasks that are')

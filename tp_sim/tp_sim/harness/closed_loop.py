@@ -67,6 +67,8 @@ class ClosedLoop:
         self._folder = tempfile.TemporaryDirectory(prefix='tp_loop_')
         path = Path(self._folder.name) / 'parameters.yaml'
         write_document(document, path)
+        self.parameter_file = path
+        """Parameters of both nodes, for further processes."""
         simulated = read_parameter_file(path, 'tp_sim')
         self._rate = float(simulated.get('rate', 60.0))
         self._loses = bool(simulated.get('plant.state_loss', 0.0))
