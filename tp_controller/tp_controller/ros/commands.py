@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from tp_controller.robot import Robot
-from tp_controller.ros.serialized import Serialized
+from tp_controller.ros.serialized import Serialized, field_view
 
 QUEUE_DEPTH = 100
 TOPIC = 'joint_velocity_command'
@@ -47,7 +47,9 @@ class CommandPublisher:
             msg = Float64MultiArray()
         self.velocity = np.zeros(robot.n)
         self._publisher = node.create_publisher(type(msg), TOPIC, QUEUE_DEPTH)
-        self._message = Serialized(msg, 'velocity' if self._stamped else 'data', robot.n)
+        self._values = field_view(msg, 'velocity' if self._stamped else 'data', robot.n)
+        self._stamp = msg.header.stamp if self._stamped else None
+        self._message = Serialized(msg)
         self._bytes = b''
 
     @property
@@ -71,10 +73,11 @@ class CommandPublisher:
 
     def prepare(self, command: NDArray[np.float64] | float, stamp: Time | None = None) -> None:
         """Make the message of a command as in `send`, without publishing it."""
-        self.velocity[:] = command
-        if self._stamped and stamp is None:
-            stamp = self._node.get_clock().now().to_msg()
-        self._bytes = self._message.write(self.velocity, stamp)
+        self.velocity[:] = self._values[:] = command
+        if self._stamp is not None:
+            answered = stamp or self._node.get_clock().now().to_msg()
+            self._stamp.sec, self._stamp.nanosec = answered.sec, answered.nanosec
+        self._bytes = self._message.write()
 
     def send_prepared(self) -> None:
         """Publish what was prepared; little time passes in between, to be too late in."""

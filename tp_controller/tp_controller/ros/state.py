@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from array import array
 from collections.abc import Callable, Iterator
 from copy import copy
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.explanation import Explanation, explanations
+from tp_controller.ros.serialized import Serialized, field_view
 from tp_controller.ros.state_watch import nanoseconds
 from tp_controller.stack import Stack
 from tp_controller.tasks import SetBasedTask, Task
@@ -20,17 +19,12 @@ from tp_interfaces.msg import ControllerState, LevelState, TaskState
 Vector = NDArray[np.float64]
 
 
-def field_view(msg: Any, field: str, size: int, value: float = 0.0) -> Vector:
-    """Make a float64[] field of a message ``size`` long; return a view that writes into it.
-
-    The view is taken from the message itself, whose constructor and setters copy.
-    """
-    setattr(msg, field, array('d', [value] * size))
-    return np.frombuffer(getattr(msg, field)) if size else np.zeros(0)
-
-
 EXPLANATION_PERIOD = 99_900_000
 """Time [ns] between explanations: 0.1 s, and what is lost to rounding."""
+
+
+BLOCKS = ('message', 'joint_names', 'levels_stamp', 'tasks')
+"""Fields that begin a block of bytes: warnings and explanations change often, the rest rarely."""
 
 
 class StateMessage:
@@ -61,6 +55,7 @@ class StateMessage:
         self._explained = -EXPLANATION_PERIOD
         self._explanation: Iterator[None] | None = None
         self.follow_tasks()
+        self._serialized = Serialized(self.msg, BLOCKS)
 
     def task(self, name: str) -> TaskState:
         """Part of the message about one task."""
@@ -89,6 +84,10 @@ class StateMessage:
         self._command[:] = command
         for entry in self._tasks.values():
             entry.refresh()
+
+    def serialized(self) -> bytes:
+        """Return the bytes of the message as it is now."""
+        return self._serialized.write()
 
     def explain(self, busy: Callable[[], bool]) -> None:
         """Tell why each level got what it got, piece by piece, ten times a second.
