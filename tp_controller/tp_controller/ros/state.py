@@ -172,8 +172,10 @@ class _TaskMessage:
         self._desired = field_view(self.msg, 'desired', task.target_size, math.nan)
         self._current = field_view(self.msg, 'current', task.current.size, math.nan)
         self._error = field_view(self.msg, 'error', task.k, math.nan)
-        set_based = isinstance(task, SetBasedTask)
-        self._distance = field_view(self.msg, 'distance', task.k if set_based else 0, math.nan)
+        # To look this up takes longer than most of what is done in a cycle.
+        self._set_based = task if isinstance(task, SetBasedTask) else None
+        rows = task.k if self._set_based else 0
+        self._distance = field_view(self.msg, 'distance', rows, math.nan)
         self._requested = field_view(self.msg, 'requested_velocity', task.k)
         self._achieved = field_view(self.msg, 'achieved_velocity', task.k)
         self.msg.error_norm = math.nan
@@ -189,15 +191,16 @@ class _TaskMessage:
 
     def refresh_target(self) -> None:
         """Fill in the desired value, if there is one yet."""
+        self._revision = self._task.revision
         target = self._task.target
         if target is not None and target.size:
             self._desired[:] = target
 
     def measure(self) -> bool:
         """Fill in distances that are too far away to be computed in every cycle, if any are."""
-        if not isinstance(self._task, SetBasedTask):
+        if self._set_based is None:
             return False
-        self._distance[:] = self._task.distances()
+        self._distance[:] = self._set_based.distances()
         return True
 
     def refresh(self, stepped: bool = True) -> None:
@@ -207,10 +210,12 @@ class _TaskMessage:
             task.update()
         if self._velocities is not None:
             self._requested[:], self._achieved[:] = self._velocities
-        self.refresh_target()
+        if task.revision != self._revision:
+            self.refresh_target()
         self._current[:] = task.current
-        self._error[:] = task.error
-        if isinstance(task, SetBasedTask):
-            self._distance[:] = task.distance
+        error = self._error
+        error[:] = task.error
+        if self._set_based is not None:
+            self._distance[:] = self._set_based.distance
             self.msg.active = self.msg.enabled and task.active
-        self.msg.error_norm = float(np.sqrt(self._error @ self._error))
+        self.msg.error_norm = math.sqrt(error.dot(error))
