@@ -31,10 +31,17 @@ CODES = {
     'double': 'd',
 }
 """Numbers of messages and their codes in `struct`."""
+TEXT = 'string'
 COUNT = struct.Struct('=I')
 """Length of a string or a list."""
 
 Read = Callable[[Any], Any]
+
+
+def text_bytes(text: str, begin: int = 0) -> bytes:
+    """Bytes of a string with `begin` bytes before it."""
+    data = text.encode()
+    return bytes(-begin % COUNT.size) + COUNT.pack(len(data) + 1) + data + b'\0'
 
 
 class Layout:
@@ -134,17 +141,16 @@ class Layout:
         self._numbers.append((root, get, struct.Struct(code).pack_into, at))
 
     def _add_text_or_list(self, kind: str, value: Any) -> None:
-        if kind == 'string':
-            text = value.encode() + b'\0'
-            self._add_count(len(text))
-            self._add_fixed(text)
+        if kind == TEXT:
+            self._align(COUNT.size)
+            self._add_fixed(text_bytes(value))
             return
         if not kind.startswith('sequence<'):
             raise TypeError(f'a field of type {kind} is not handled')
         self._add_count(len(value))
         for entry in value:
             if isinstance(entry, str):
-                self._add_text_or_list('string', entry)
+                self._add_text_or_list(TEXT, entry)
             else:
                 self._add_fields(entry, list(entry.get_fields_and_field_types()))
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 
-from tp_controller.ros.cdr import HEADER, LARGEST, Layout
+from tp_controller.ros.cdr import HEADER, LARGEST, TEXT, Layout, text_bytes
 
 
 def field_view(msg: Any, field: str, size: int, value: float = 0.0) -> NDArray[np.float64]:
@@ -44,7 +44,7 @@ class Serialized:
         self._header = serialize_message(msg)[:HEADER]
         names = list(msg.get_fields_and_field_types())
         begins = [0, *(names.index(cut) for cut in cuts), len(names)]
-        self._blocks = [_Block(msg, names[begin:end]) for begin, end in pairwise(begins)]
+        self._blocks = [_block(msg, names[begin:end]) for begin, end in pairwise(begins)]
         self.write()
 
     def write(self) -> bytes:
@@ -73,3 +73,20 @@ class _Block:
         if layout is None or not layout.refresh():
             layout = self._layouts[place] = Layout(self._msg, self._names, place)
         return layout.bytes
+
+
+class _Text:
+    """A string; nothing of it is worth keeping."""
+
+    def __init__(self, msg: Any, name: str) -> None:
+        self._msg, self._name = msg, name
+
+    def write(self, begin: int) -> bytes:
+        """Bytes of the string, with `begin` bytes before them."""
+        return text_bytes(getattr(self._msg, self._name), begin)
+
+
+def _block(msg: Any, names: Sequence[str]) -> _Block | _Text:
+    if len(names) == 1 and msg.get_fields_and_field_types()[names[0]] == TEXT:
+        return _Text(msg, names[0])
+    return _Block(msg, names)
