@@ -1,5 +1,7 @@
 """Age of commands at 1 kHz: from a joint state's publication to the receipt of its command.
 
+The joint states are those of an arm that does what it is commanded.
+
 The controller and a bare node that only echoes joint states run side by side; the joint
 states go to one and to the other in turn, so that both see the same machine. Then the controller
 has its turn again, with a listener to its state, and with 4,000 goals a second beside that.
@@ -36,8 +38,32 @@ SEGMENT = 5.0
 TICK = 1.0 / os.sysconf('SC_CLK_TCK')
 
 
+class Result:
+    """What was measured of a node in one situation."""
+
+    def __init__(self) -> None:
+        self.waiting: dict[int, int] = {}
+        """Times of sending [ns] by stamp, of states without an answer."""
+        self.ages: list[float] = []
+        self.cpu = 0.0
+        """Time [s] that processors spent in the node's process."""
+
+    @property
+    def unanswered(self) -> int:
+        """States without an answer: a newer one was there already."""
+        return len(self.waiting)
+
+    @property
+    def sent(self) -> int:
+        """States published."""
+        return len(self.ages) + len(self.waiting)
+
+
 class Driver:
-    """Publishes joint states at a rate and notes when each is answered."""
+    """Publishes joint states at a rate and notes when each is answered.
+
+    There is one for each node: a second subscription to its commands would delay the first.
+    """
 
     def __init__(self, client: Client, publisher: Publisher, command_topic: str, pid: int) -> None:
         self._client = client
@@ -49,13 +75,11 @@ class Driver:
             position=[0.0, 0.6, 0.3],
             velocity=[0.0, 0.0, 0.0],
         )
-        self._sent: dict[int, int] = {}
-        self.ages: list[float] = []
-        self.cpu = 0.0
-        """Time [s] that processors spent in the node's process."""
+        self._result = Result()
 
-    def drive(self, seconds: float) -> None:
+    def drive(self, seconds: float, result: Result) -> None:
         """Publish for a time, then wait for the last answers."""
+        self._result = result
         self._client.wait_for(
             lambda: self._publisher.get_subscription_count() > 0, 'the node to be measured'
         )
@@ -64,39 +88,34 @@ class Driver:
         )
         before = processor_time(self._pid)
         self._client.spin_for(seconds)
-        self.cpu += processor_time(self._pid) - before
+        result.cpu += processor_time(self._pid) - before
         self._client.node.destroy_timer(timer)
         self._client.spin_for(0.3)
 
-    @property
-    def unanswered(self) -> int:
-        """States without an answer: a newer one was there already."""
-        return len(self._sent)
-
-    @property
-    def sent(self) -> int:
-        """States published."""
-        return len(self.ages) + len(self._sent)
-
     def _publish(self) -> None:
+        for joint, speed in enumerate(self._msg.velocity):
+            self._msg.position[joint] += speed / RATE
         now = time.time_ns()
         stamp = self._msg.header.stamp
         stamp.sec, stamp.nanosec = divmod(now, 1_000_000_000)
-        self._sent[now] = time.perf_counter_ns()
+        self._result.waiting[now] = time.perf_counter_ns()
         self._publisher.publish(self._msg)
 
     def _on_command(self, msg: JointState) -> None:
         stamp = msg.header.stamp.sec * 1_000_000_000 + msg.header.stamp.nanosec
-        sent = self._sent.pop(stamp, None)
+        self._msg.velocity = msg.velocity
+        sent = self._result.waiting.pop(stamp, None)
         if sent is not None:
-            self.ages.append((time.perf_counter_ns() - sent) * 1e-6)
+            self._result.ages.append((time.perf_counter_ns() - sent) * 1e-6)
 
 
 def run(seconds: float) -> bool:
     """Measure and print; return whether the promises hold."""
     domain = PrivateDomain()
     echo = subprocess.Popen([sys.executable, HERE / 'echo_node.py'], env=domain.environment())
-    controller = NodeProcess('tp_controller', 'controller', CONFIG, domain.environment())
+    controller = NodeProcess(
+        'tp_controller', 'controller', CONFIG, domain.environment(), ['-p', f'rate:={RATE}']
+    )
     client = Client(domain)
     # The state is published only for those who listen; here nobody is to.
     client.ignore_state()
@@ -104,19 +123,17 @@ def run(seconds: float) -> bool:
         client.node.create_publisher(JointState, topic, 100)
         for topic in ('joint_states', 'echo/joint_states')
     )
-    drivers = {
-        name: Driver(client, echoed, 'echo/command', echo.pid)
-        if name == ECHO
-        else Driver(client, states, 'joint_velocity_command', controller.pid)
-        for name in (ALONE, ECHO, HEARD, FLOODED)
-    }
+    own = Driver(client, states, 'joint_velocity_command', controller.pid)
+    bare = Driver(client, echoed, 'echo/command', echo.pid)
+    results = {name: Result() for name in (ALONE, ECHO, HEARD, FLOODED)}
     gc.disable()
     try:
         left = seconds
         while left > 0.0:
-            for name, driver in drivers.items():
+            for name, result in results.items():
                 beside = _start(BESIDE[name], domain) if name in BESIDE else None
-                driver.drive(min(left, SEGMENT))
+                driver = bare if name == ECHO else own
+                driver.drive(min(left, SEGMENT), result)
                 if beside is not None:
                     _stop(beside)
             left -= SEGMENT
@@ -126,8 +143,8 @@ def run(seconds: float) -> bool:
         controller.stop()
         client.close()
         domain.close()
-    _print(drivers, seconds)
-    measured = drivers[ALONE]
+    _print(results, seconds)
+    measured = results[ALONE]
     return bool(np.median(measured.ages) < 1.0 and measured.unanswered < 0.05 * measured.sent)
 
 
@@ -150,18 +167,18 @@ def _stop(process: subprocess.Popen[bytes]) -> None:
         process.wait()
 
 
-def _print(drivers: dict[str, Driver], seconds: float) -> None:
+def _print(results: dict[str, Result], seconds: float) -> None:
     table = Table(
         title=escape(f'Age of the command [ms], joint states at 1 kHz for {seconds:g} s')
     )
     for column in ('node', 'states', 'unanswered', 'median', '99 %', 'largest', 'CPU [µs]'):
         table.add_column(column, justify='left' if column == 'node' else 'right')
     medians, costs = {}, {}
-    for name, driver in drivers.items():
-        ages = np.array(driver.ages)
-        medians[name], costs[name] = np.median(ages), driver.cpu / len(driver.ages)
+    for name, result in results.items():
+        ages = np.array(result.ages)
+        medians[name], costs[name] = np.median(ages), result.cpu / len(result.ages)
         figures = (medians[name], np.percentile(ages, 99), ages.max())
-        counts = (str(driver.sent), str(driver.unanswered))
+        counts = (str(result.sent), str(result.unanswered))
         cost = f'{1e6 * costs[name]:.0f}'
         table.add_row(name, *counts, *(f'{value:.3f}' for value in figures), cost)
     console = Console(width=100)

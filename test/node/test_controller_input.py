@@ -53,6 +53,27 @@ def test_the_newest_state_is_answered_with_its_stamp_and_older_ones_are_counted(
     assert controller.state.overtaken == 0
 
 
+def test_the_state_of_every_cycle_arrives_though_the_next_joint_state_comes_at_once(
+    lone_controller,
+):
+    controller = lone_controller(UNTIMED)
+    controller.ask(START)
+    states = []
+    controller.client.on_state.append(states.append)
+    for _ in range(100):
+        # The next one is sent when the command is there, whether its state is or not.
+        stamp = controller.give(START).header.stamp
+        controller.client.wait_for(
+            lambda stamp=stamp: controller.commands[-1].header.stamp == stamp, 'the command'
+        )
+    controller.client.wait_for(lambda: controller.state.header.stamp == stamp, 'the last state')
+    sent = {c.header.stamp.sec: list(c.velocity) for c in controller.commands}
+    told = [state for state in states if state.status == ControllerState.RUNNING]
+    cycles = [state.cycles for state in told]
+    assert cycles == list(range(cycles[0], cycles[-1] + 1))
+    assert all(list(state.command) == sent[state.header.stamp.sec] for state in told)
+
+
 @pytest.mark.parametrize('speed', [1.0, 0.1])
 def test_no_component_exceeds_its_limit_and_the_direction_is_kept(lone_controller, speed):
     limits = [speed, speed / 2.0, speed / 4.0]

@@ -1,12 +1,13 @@
 """Age, order and resends of joint states; late cycles; warnings that are throttled."""
 
 import math
+from array import array
 
 import pytest
-from sensor_msgs.msg import JointState
+from builtin_interfaces.msg import Time
 
 from tp_controller.ros.feedforward import FeedforwardOverrides
-from tp_controller.ros.joint_states import RateCheck
+from tp_controller.ros.joint_states import JointStateValues, RateCheck
 from tp_controller.ros.state_watch import Lag, StateWatch
 from tp_controller.ros.warnings import Warnings
 
@@ -16,9 +17,10 @@ PERIOD = 0.01
 
 def state(stamp, q=0.0):
     """Joint state with a stamp [s] and a position."""
-    msg = JointState(name=['a'], position=[q], velocity=[0.0])
-    msg.header.stamp.sec, msg.header.stamp.nanosec = divmod(round(stamp * 1e9), 1_000_000_000)
-    return msg
+    sec, nanosec = divmod(round(stamp * 1e9), 1_000_000_000)
+    return JointStateValues(
+        Time(sec=sec, nanosec=nanosec), ['a'], array('d', [q]), array('d', [0.0])
+    )
 
 
 class Feed:

@@ -15,7 +15,7 @@ from std_msgs.msg import Float64MultiArray
 from tp_controller.config.schema import POSITION_TYPES
 from tp_controller.position_reference import PositionReference
 from tp_controller.robot import Robot
-from tp_controller.ros.serialized import Serialized
+from tp_controller.ros.serialized import Serialized, field_view
 
 QUEUE_DEPTH = 100
 VELOCITY_TOPIC, POSITION_TOPIC = 'joint_velocity_command', 'joint_position_command'
@@ -75,7 +75,9 @@ class CommandPublisher:
         self._publisher = node.create_publisher(
             type(msg), command_topic(command_type), QUEUE_DEPTH
         )
-        self._message = Serialized(msg, field, robot.n)
+        self._values = field_view(msg, field, robot.n)
+        self._stamp = msg.header.stamp if self._stamped else None
+        self._message = Serialized(msg)
         self._bytes = b''
 
     @property
@@ -100,13 +102,17 @@ class CommandPublisher:
     def prepare(self, command: NDArray[np.float64] | float, stamp: Time | None = None) -> None:
         """Make the message of a command as in `send`, without publishing it."""
         self.velocity[:] = command
-        if self._stamped and stamp is None:
-            stamp = self._node.get_clock().now().to_msg()
         reference = self._reference
         if reference is None:
-            self._bytes = self._message.write(self.velocity, stamp)
+            self._values[:] = self.velocity
         elif reference.begun:
-            self._bytes = self._message.write(reference.after(self.velocity), stamp)
+            self._values[:] = reference.after(self.velocity)
+        else:
+            return
+        if self._stamp is not None:
+            answered = stamp or self._node.get_clock().now().to_msg()
+            self._stamp.sec, self._stamp.nanosec = answered.sec, answered.nanosec
+        self._bytes = self._message.write()
 
     def send_prepared(self) -> None:
         """Publish what was prepared; little time passes in between, to be too late in."""

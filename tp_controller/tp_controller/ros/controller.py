@@ -462,7 +462,7 @@ class ControllerNode(ManagedNode):
         idle = '' if self.active else INACTIVE
         texts = (idle, self._hold.message, changing, self._warnings.message)
         self._state.msg.message = '; '.join(text for text in texts if text)
-        self._state_publisher.publish(self._state.msg)
+        self._state_publisher.publish(self._state.serialized())
 
     def _look(self) -> None:
         """Bring the robot to rest when joint states stop, and show that the node lives."""

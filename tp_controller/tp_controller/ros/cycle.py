@@ -234,7 +234,7 @@ class Cycle:
         if self._rate_estimate:
             self._stay(self._rate_estimate, arrival)
         if command is not None:
-            self._commands.prepare(command, arrival.msg.header.stamp)
+            self._commands.prepare(command, arrival.msg.stamp)
         # Before the first command the arm is at rest, and much is loaded that is slow.
         if not again and self._age(arrival) > self._oldest() and state.cycles:
             self._stack.undo()
@@ -255,7 +255,7 @@ class Cycle:
             if not again:
                 self._note_oscillation(elapsed)
         state.cycles += 1
-        state.header.stamp = arrival.msg.header.stamp
+        state.header.stamp = arrival.msg.stamp
         state.scale = scale
         if not self.running and not self.refused:
             state.status = ControllerState.RUNNING
@@ -311,7 +311,7 @@ class Cycle:
     def _stay(self, estimate: RateEstimate, arrival: Arrival) -> None:
         """Stay at rest for one more joint state, or know the rate from it."""
         self._stack.stay()
-        rate = estimate.see(arrival.msg.header.stamp)
+        rate = estimate.see(arrival.msg.stamp)
         if rate is not None and self._found_rate:
             self._rate_estimate = None
             self._use_rate(rate)

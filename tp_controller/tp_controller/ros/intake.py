@@ -9,6 +9,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from tp_controller.ros.joint_state_bytes import JointStateDecoder
 from tp_controller.ros.polled import subscribe, taker
 from tp_controller.ros.state_watch import Arrival, StateWatch
 
@@ -31,9 +32,10 @@ class Intake:
 
     def __init__(self, node: Node, watch: StateWatch) -> None:
         self._watch = watch
-        self._stored: list[tuple[JointState, dict[str, Any]]] = []
+        self._decoder = JointStateDecoder()
+        self._stored: list[tuple[bytes, dict[str, Any]]] = []
         self._emptied = time.monotonic()
-        self.subscription = subscribe(node, JointState, 'joint_states', QUEUE_DEPTH)
+        self.subscription = subscribe(node, JointState, 'joint_states', QUEUE_DEPTH, raw=True)
         self._take = taker(self.subscription)
         self._context = node.context
         self._wait_set = rclpy_implementation.WaitSet(1, 0, 0, 0, 0, 0, node.context.handle)
@@ -62,7 +64,9 @@ class Intake:
             found = self._stored.pop(0) if self._stored else self._take()
             if found is None:
                 break
-            arrival = self._watch.arrive(*found, time.monotonic(), idle)
+            data, info = found
+            taken = time.monotonic()
+            arrival = self._watch.arrive(self._decoder.read(data), info, taken, idle)
             if arrival is not None:
                 arrivals.append(arrival)
         self._emptied = time.monotonic()

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from array import array
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 
@@ -15,6 +18,15 @@ STATES = 100
 """So many joint states are counted to find their rate."""
 SLOW = 0.8
 """A rate below this share of the configured one, or as far above it, is told."""
+
+
+class JointStateValues(NamedTuple):
+    """What the controller uses of a joint state."""
+
+    stamp: Time
+    name: Sequence[str]
+    position: array[float]
+    velocity: array[float]
 
 
 class RateCheck:
@@ -86,10 +98,10 @@ class JointStateReader:
         self._joints = joints
         self._what = what
         self._field = field
-        self._names: list[str] | None = None
+        self._names: Sequence[str] | None = None
         self._indices = np.zeros(0, dtype=int)
 
-    def read(self, msg: JointState, out: NDArray[np.float64]) -> None:
+    def read(self, msg: JointState | JointStateValues, out: NDArray[np.float64]) -> None:
         """Write the values (n,) in joint order to ``out``.
 
         Raises
@@ -113,7 +125,7 @@ class JointStateReader:
             raise InvalidValue(f'{self._what} {self._field}', shown(picked), 'finite numbers')
         out[:] = picked
 
-    def read_velocity(self, msg: JointState, out: NDArray[np.float64]) -> bool:
+    def read_velocity(self, msg: JointState | JointStateValues, out: NDArray[np.float64]) -> bool:
         """Write the velocities (n,) of a message that was just read to ``out``, if it has them.
 
         Returns

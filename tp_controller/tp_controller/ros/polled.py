@@ -31,9 +31,13 @@ class Polled(CallbackGroup):
         """Let it end."""
 
 
-def subscribe(node: Node, message_type: type, topic: str, qos: QoSProfile | int) -> Subscription:
-    """Subscribe to a topic that is polled."""
-    return node.create_subscription(message_type, topic, _ignore, qos, callback_group=Polled())
+def subscribe(
+    node: Node, message_type: type, topic: str, qos: QoSProfile | int, raw: bool = False
+) -> Subscription:
+    """Subscribe to a topic that is polled; `raw` messages are taken as bytes."""
+    return node.create_subscription(
+        message_type, topic, _ignore, qos, callback_group=Polled(), raw=raw
+    )
 
 
 def take(subscription: Subscription) -> Any:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from array import array
 from collections.abc import Callable, Iterator
 from copy import copy
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.explanation import Explanation, explanations
+from tp_controller.ros.serialized import Serialized, field_view
 from tp_controller.ros.state_watch import nanoseconds
 from tp_controller.stack import Stack
 from tp_controller.tasks import SetBasedTask, Task
@@ -20,17 +19,12 @@ from tp_interfaces.msg import ControllerState, LevelState, TaskState
 Vector = NDArray[np.float64]
 
 
-def field_view(msg: Any, field: str, size: int, value: float = 0.0) -> Vector:
-    """Make a float64[] field of a message ``size`` long; return a view that writes into it.
-
-    The view is taken from the message itself, whose constructor and setters copy.
-    """
-    setattr(msg, field, array('d', [value] * size))
-    return np.frombuffer(getattr(msg, field)) if size else np.zeros(0)
-
-
 EXPLANATION_PERIOD = 99_900_000
 """Time [ns] between explanations: 0.1 s, and what is lost to rounding."""
+
+
+BLOCKS = ('message', 'joint_names', 'levels_stamp', 'tasks')
+"""Fields that begin a block of bytes: warnings and explanations change often, the rest rarely."""
 
 
 class StateMessage:
@@ -61,6 +55,7 @@ class StateMessage:
         self._explained = -EXPLANATION_PERIOD
         self._explanation: Iterator[None] | None = None
         self.follow_tasks()
+        self._serialized = Serialized(self.msg, BLOCKS)
 
     def task(self, name: str) -> TaskState:
         """Part of the message about one task."""
@@ -89,6 +84,10 @@ class StateMessage:
         self._command[:] = command
         for entry in self._tasks.values():
             entry.refresh()
+
+    def serialized(self) -> bytes:
+        """Return the bytes of the message as it is now."""
+        return self._serialized.write()
 
     def explain(self, busy: Callable[[], bool]) -> None:
         """Tell why each level got what it got, piece by piece, ten times a second.
@@ -173,8 +172,10 @@ class _TaskMessage:
         self._desired = field_view(self.msg, 'desired', task.target_size, math.nan)
         self._current = field_view(self.msg, 'current', task.current.size, math.nan)
         self._error = field_view(self.msg, 'error', task.k, math.nan)
-        set_based = isinstance(task, SetBasedTask)
-        self._distance = field_view(self.msg, 'distance', task.k if set_based else 0, math.nan)
+        # To look this up takes longer than most of what is done in a cycle.
+        self._set_based = task if isinstance(task, SetBasedTask) else None
+        rows = task.k if self._set_based else 0
+        self._distance = field_view(self.msg, 'distance', rows, math.nan)
         self._requested = field_view(self.msg, 'requested_velocity', task.k)
         self._achieved = field_view(self.msg, 'achieved_velocity', task.k)
         self.msg.error_norm = math.nan
@@ -190,15 +191,16 @@ class _TaskMessage:
 
     def refresh_target(self) -> None:
         """Fill in the desired value, if there is one yet."""
+        self._revision = self._task.revision
         target = self._task.target
         if target is not None and target.size:
             self._desired[:] = target
 
     def measure(self) -> bool:
         """Fill in distances that are too far away to be computed in every cycle, if any are."""
-        if not isinstance(self._task, SetBasedTask):
+        if self._set_based is None:
             return False
-        self._distance[:] = self._task.distances()
+        self._distance[:] = self._set_based.distances()
         return True
 
     def refresh(self, stepped: bool = True) -> None:
@@ -209,10 +211,12 @@ class _TaskMessage:
             task.update()
         if self._velocities is not None:
             self._requested[:], self._achieved[:] = self._velocities
-        self.refresh_target()
+        if task.revision != self._revision:
+            self.refresh_target()
         self._current[:] = task.current
-        self._error[:] = task.error
-        if isinstance(task, SetBasedTask):
-            self._distance[:] = task.distance
+        error = self._error
+        error[:] = task.error
+        if self._set_based is not None:
+            self._distance[:] = self._set_based.distance
             self.msg.active = self.msg.enabled and task.active
-        self.msg.error_norm = float(np.sqrt(self._error @ self._error))
+        self.msg.error_norm = math.sqrt(error.dot(error))

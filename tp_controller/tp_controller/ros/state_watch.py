@@ -11,7 +11,8 @@ import math
 from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
-from sensor_msgs.msg import JointState
+
+from tp_controller.ros.joint_states import JointStateValues
 
 WINDOW = 10.0
 """Time [s] over which the least lag of a clock is sought: longer than clocks drift apart."""
@@ -28,7 +29,7 @@ CONSTANT = 3
 class Arrival(NamedTuple):
     """A joint state that was taken from the middleware."""
 
-    msg: JointState
+    msg: JointStateValues
     stamp: int
     """Its stamp [ns]; 0 if it has none."""
     sent: int
@@ -163,7 +164,7 @@ class StateWatch:
         self._notes: list[str] = []
 
     def arrive(
-        self, msg: JointState, info: dict[str, int | None], now: float, idle: float
+        self, msg: JointStateValues, info: dict[str, int | None], now: float, idle: float
     ) -> Arrival | None:
         """Judge a state that was just taken.
 
@@ -182,7 +183,7 @@ class StateWatch:
             The state with its age; None if it was overtaken by a newer one.
         """
         self._count(info.get('publication_sequence_number'))
-        stamp, sent = nanoseconds(msg.header.stamp), info.get('source_timestamp') or 0
+        stamp, sent = nanoseconds(msg.stamp), info.get('source_timestamp') or 0
         ages = []
         if sent > 0:
             ages.append(self._sent.age(1e-9 * sent, now))
@@ -311,5 +312,5 @@ class StateWatch:
         return max(0.0, sent if usable else taken)
 
 
-def _same(one: JointState, other: JointState) -> bool:
+def _same(one: JointStateValues, other: JointStateValues) -> bool:
     return bool(one.position == other.position and one.velocity == other.velocity)
