@@ -16,7 +16,7 @@ from tp_sim.plant import Plant, PlantSettings
 from tp_sim.settings import build_simulator_settings
 from tp_sim.stress import declaration, run
 
-STEPS = 4000
+STEPS = 2500
 SCHEMES = [name for name in SOLVER_TYPES if name != 'extended_jacobian']
 """All but the square one, which takes no rows that come and go."""
 OBJECTIVE = {'solver.objective.type': 'posture', 'solver.objective.positions': [0.0] * 3}
@@ -58,7 +58,7 @@ def test_the_panda_among_obstacles_never_touches_one_or_itself(config):
 @pytest.mark.parametrize('saturation', ['uniform', 'null_space'])
 def test_both_saturations_keep_the_limits_and_hardly_ever_need_the_last_check(config, saturation):
     values, start = parameters(config / 'b3_pressed.yaml')
-    seen = run(values | {'solver.saturation': saturation}, start, 2 * STEPS)
+    seen = run(values | {'solver.saturation': saturation}, start, STEPS)
     assert not seen.broken
     assert seen.braked < 0.02 * seen.steps
     assert seen.activations > 10
@@ -93,7 +93,7 @@ def test_a_run_that_breaks_a_limit_says_so(config):
         task = f'tasks.obstacle_{i}'
         values |= {f'{task}.switching': 'hysteresis', f'{task}.activation': 1e-9}
         values[f'{task}.release'] = 0.05
-    seen = run(values, start, 3 * STEPS)
+    seen = run(values, start, 7500)
     assert seen.broken
     assert seen.least_distance < -0.005
 
