@@ -1,10 +1,9 @@
 """Age of commands at 1 kHz: from a joint state's publication to the receipt of its command.
 
-The joint states are those of an arm that does what it is commanded.
-
-The controller and a bare node that only echoes joint states run side by side; the joint
-states go to one and to the other in turn, so that both see the same machine. Then the controller
-has its turn again, with a listener to its state, and with 4,000 goals a second beside that.
+The joint states are those of an arm that does what it is commanded. The controller and a bare
+node that only echoes them run side by side; the joint states go to one and to the other in turn,
+so that both see the same machine. Then both have their turn again with a listener to a state like
+the controller's, and the controller with 4,000 goals a second beside that.
 """
 
 import gc
@@ -12,11 +11,11 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
-from rclpy.publisher import Publisher
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -30,9 +29,14 @@ RATE = 1000.0
 ECHO = 'bare echo node'
 ALONE = 'controller'
 HEARD = 'controller, state heard'
+ECHO_HEARD = 'bare echo node, state heard'
 FLOODED = 'controller, 4,000 goals/s'
-BESIDE = {HEARD: 'listener.py', FLOODED: 'goal_flood.py'}
-"""What runs beside the node."""
+BESIDE = {
+    HEARD: ['listener.py', 'tp_controller/state'],
+    ECHO_HEARD: ['listener.py', 'telling_echo/state'],
+    FLOODED: ['goal_flood.py'],
+}
+"""What runs beside the node, with its arguments."""
 SEGMENT = 5.0
 """Time [s] before the other node gets its turn."""
 TICK = 1.0 / os.sysconf('SC_CLK_TCK')
@@ -65,10 +69,10 @@ class Driver:
     There is one for each node: a second subscription to its commands would delay the first.
     """
 
-    def __init__(self, client: Client, publisher: Publisher, command_topic: str, pid: int) -> None:
+    def __init__(self, client: Client, topic: str, command_topic: str, pid: int) -> None:
         self._client = client
         self._pid = pid
-        self._publisher = publisher
+        self._publisher = client.node.create_publisher(JointState, topic, 100)
         client.subscribe(JointState, command_topic, self._on_command)
         self._msg = JointState(
             name=['joint_1', 'joint_2', 'joint_3'],
@@ -112,34 +116,35 @@ class Driver:
 def run(seconds: float) -> bool:
     """Measure and print; return whether the promises hold."""
     domain = PrivateDomain()
-    echo = subprocess.Popen([sys.executable, HERE / 'echo_node.py'], env=domain.environment())
+    echo = _start(['echo_node.py', 'echo'], domain)
+    telling = _start(['echo_node.py', 'telling_echo', 'state'], domain)
     controller = NodeProcess(
         'tp_controller', 'controller', CONFIG, domain.environment(), ['-p', f'rate:={RATE}']
     )
     client = Client(domain)
     # The state is published only for those who listen; here nobody is to.
     client.ignore_state()
-    states, echoed = (
-        client.node.create_publisher(JointState, topic, 100)
-        for topic in ('joint_states', 'echo/joint_states')
+    own = Driver(client, 'joint_states', 'joint_velocity_command', controller.pid)
+    bare, bare_heard = (
+        Driver(client, f'{name}/joint_states', f'{name}/command', process.pid)
+        for name, process in (('echo', echo), ('telling_echo', telling))
     )
-    own = Driver(client, states, 'joint_velocity_command', controller.pid)
-    bare = Driver(client, echoed, 'echo/command', echo.pid)
-    results = {name: Result() for name in (ALONE, ECHO, HEARD, FLOODED)}
+    driven = {ECHO: bare, ECHO_HEARD: bare_heard}
+    results = {name: Result() for name in (ALONE, ECHO, HEARD, ECHO_HEARD, FLOODED)}
     gc.disable()
     try:
         left = seconds
         while left > 0.0:
             for name, result in results.items():
                 beside = _start(BESIDE[name], domain) if name in BESIDE else None
-                driver = bare if name == ECHO else own
-                driver.drive(min(left, SEGMENT), result)
+                driven.get(name, own).drive(min(left, SEGMENT), result)
                 if beside is not None:
                     _stop(beside)
             left -= SEGMENT
     finally:
         gc.enable()
         _stop(echo)
+        _stop(telling)
         controller.stop()
         client.close()
         domain.close()
@@ -154,8 +159,9 @@ def processor_time(pid: int) -> float:
     return TICK * (int(fields[11]) + int(fields[12]))
 
 
-def _start(script: str, domain: PrivateDomain) -> subprocess.Popen[bytes]:
-    return subprocess.Popen([sys.executable, HERE / script], env=domain.environment())
+def _start(command: Sequence[str], domain: PrivateDomain) -> subprocess.Popen[bytes]:
+    script, *arguments = command
+    return subprocess.Popen([sys.executable, HERE / script, *arguments], env=domain.environment())
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:
@@ -183,9 +189,9 @@ def _print(results: dict[str, Result], seconds: float) -> None:
         table.add_row(name, *counts, *(f'{value:.3f}' for value in figures), cost)
     console = Console(width=100)
     console.print(table)
-    for name in (ALONE, HEARD):
+    for name, other in ((ALONE, ECHO), (HEARD, ECHO), (ECHO_HEARD, ECHO), (HEARD, ECHO_HEARD)):
         console.print(
-            f'{name}, against the bare echo node: age {medians[name] / medians[ECHO]:.2f}, '
-            f'CPU {costs[name] / costs[ECHO]:.2f}'
+            f'{name}, against {other}: age {medians[name] / medians[other]:.2f}, '
+            f'CPU {costs[name] / costs[other]:.2f}'
         )
     console.print(f'CPU: time of the process per answer; {os.cpu_count()} cores')

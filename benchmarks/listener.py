@@ -1,6 +1,7 @@
-"""Listens to the controller's state."""
+"""Listens to a controller's state on the topic that it is given."""
 
 import contextlib
+import sys
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
@@ -9,6 +10,6 @@ from tp_interfaces.msg import ControllerState
 
 rclpy.init()
 node = rclpy.create_node('listener')
-node.create_subscription(ControllerState, 'tp_controller/state', lambda _: None, 10)
+node.create_subscription(ControllerState, sys.argv[1], lambda _: None, 10)
 with contextlib.suppress(ExternalShutdownException):
     rclpy.spin(node)
