@@ -7,12 +7,13 @@ import pytest
 
 from tp_controller import InvalidValue, build_settings, read_parameter_file
 from tp_controller.batch import close_loop, draw_run, plan_batch
-from tp_controller.batch.draws import Draws, random_configuration
+from tp_controller.batch.draws import Draws
 from tp_controller.batch.engine import run_part
 from tp_controller.batch.loop import Trace
 from tp_controller.batch.measures import limit_use, most_reversals, time_to_reach
 from tp_controller.distances import least_distance
 from tp_controller.robot import Limits, Robot
+from tp_controller.robot.draws import random_configuration
 from tp_controller.tasks import SetBasedTask
 
 SECONDS = 0.5

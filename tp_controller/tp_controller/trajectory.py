@@ -420,10 +420,13 @@ def pace(asked: float, feedforward: Vector, wanted: Vector, achieved: Vector) ->
     if full <= STILL:
         return Pace(1.0, 1.0)
     along = feedforward / full
-    got = min(asked, max(0.0, float(achieved @ along) / full))
+    # An arm that is ahead of its path moves less, as it wants to: the path goes on.
+    got = min(asked, max(0.0, asked - float((wanted - achieved) @ along) / full))
     change = LESS if _across(wanted - achieved, along) > ACROSS * asked * full else MORE
     back = _across(wanted, along) / full
-    return Pace(got, max(SLOWEST, min(1.0, change * got, 1.0 - back)))
+    # What is missing by so little is held back by damping, which asking for less would not help.
+    base = asked if got >= (1.0 - EXTRA) * asked else got
+    return Pace(got, max(SLOWEST, min(1.0, change * base, 1.0 - back)))
 
 
 def _across(velocity: Vector, along: Vector) -> float:

@@ -26,11 +26,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from tp_controller.batch.draws import random_configuration
 from tp_controller.config import build_robot, build_settings, describe_robot, read_parameter_file
 from tp_controller.config.build import read_parameters
 from tp_controller.errors import InvalidValue, TaskPriorityError, UnusableState
 from tp_controller.robot import Limits, Robot
+from tp_controller.robot.draws import random_configuration
 from tp_controller.robot.response import KEYS
 from tp_controller.solvers import SOLVER_TYPES
 from tp_controller.tasks import PositionTask

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from tp_controller.batch.loop import fresh_stack
 from tp_controller.config import Settings
 from tp_controller.errors import InvalidValue
-from tp_controller.robot import Robot
+from tp_controller.robot.draws import random_configuration
 from tp_controller.stack import Stack
 from tp_controller.tasks import SetBasedTask
 
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 
-TURN = 2.0 * math.pi
-"""Range [rad, m] of random positions of a joint without limits, about zero."""
 TRIES = 1000
 """Configurations drawn until one keeps all distances."""
 START, GOAL, GAIN = range(3)
@@ -37,21 +34,6 @@ class Draw(NamedTuple):
     """Target (target_size,) by task."""
     gain: float
     """Factor on the gains of these tasks."""
-
-
-def random_configuration(robot: Robot, rng: np.random.Generator) -> Vector:
-    """Draw a configuration (nq,) [rad, m] uniformly inside the ranges.
-
-    A joint that has no end gets half a turn to that side of zero. A base goes the first half of
-    such a way, turns, and goes the rest: so it gets everywhere, whatever its velocities are.
-    """
-    limits = robot.limits
-    low = np.where(np.isfinite(limits.position_min), limits.position_min, -0.5 * TURN)
-    high = np.where(np.isfinite(limits.position_max), limits.position_max, 0.5 * TURN)
-    way: Vector = rng.uniform(low, high)
-    if not robot.space.blocks:
-        return way
-    return robot.integrate(robot.integrate(robot.neutral, 0.5 * way), 0.5 * way)
 
 
 class Draws:

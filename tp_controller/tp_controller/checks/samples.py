@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.batch.draws import random_configuration
 from tp_controller.robot import Robot, moved
+from tp_controller.robot.draws import random_configuration
 from tp_controller.stack import Stack
 from tp_controller.tasks import SetBasedTask, Task
 

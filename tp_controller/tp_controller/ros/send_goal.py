@@ -46,8 +46,9 @@ def main() -> int:
         rclpy.init(signal_handler_options=handlers)
     except RuntimeError as error:
         return _fail(one_line(error), REFUSED)
-    node = rclpy.create_node('send_goal')
+    node: Node | None = None
     try:
+        node = rclpy.create_node('send_goal')
         if arguments.wait:
             return _wait(node, arguments)
         print(_GoalSender(node, arguments.controller, arguments.timeout).send(arguments))
@@ -63,7 +64,8 @@ def main() -> int:
             raise
         return _fail('interrupted', UNANSWERED)
     finally:
-        node.destroy_node()
+        if node is not None:
+            node.destroy_node()
         rclpy.try_shutdown()
     return 0
 
