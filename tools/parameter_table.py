@@ -1,4 +1,4 @@
-"""Print the table of parameters of README.md, from the schemas that the nodes read."""
+"""Print the table of parameters of docs/parameters.md, from the schemas that the nodes read."""
 
 from collections.abc import Mapping
 
