@@ -6,6 +6,7 @@ from lifecycle_msgs.msg import TransitionEvent
 from lifecycle_msgs.srv import ChangeState, GetState
 from sensor_msgs.msg import JointState
 
+from tp_interfaces.action import Reach
 from tp_interfaces.msg import ControllerState
 from tp_sim.harness import ClosedLoop, GoalRejected
 
@@ -35,9 +36,12 @@ def test_a_moving_controller_is_driven_through_all_states(config):
         def speed():
             return np.array(commands[-1].velocity) if commands else np.zeros(3)
 
-        loop.send_goal('ee_position', [1.0, -0.5])
+        reach = client.start_reach({'ee_position': [1.0, -0.5]})
         client.wait_for(moves, 'motion')
         assert change(client, 'deactivate') == (True, 'inactive')
+        ended = reach.wait()
+        assert ended.outcome == Reach.Result.INTERRUPTED
+        assert 'deactivated' in ended.message
         client.wait_for(lambda: loop.state.status == ControllerState.INACTIVE, 'the state')
         assert loop.state.message.startswith('inactive: no command is sent')
         assert not loop.state.held
@@ -49,6 +53,9 @@ def test_a_moving_controller_is_driven_through_all_states(config):
         before = len(commands)
         client.spin_for(0.3)
         assert len(commands) == before
+        refused = client.start_reach({'ee_position': [1.0, -0.5]}).wait()
+        assert refused.outcome == Reach.Result.REFUSED
+        assert 'one while the node is not active' in refused.message
         assert change(client, 'deactivate') == (False, 'inactive')
         assert loop.controller.running
 
@@ -74,6 +81,8 @@ def test_a_moving_controller_is_driven_through_all_states(config):
         assert change(client, 'activate') == (True, 'active')
         client.wait_for(lambda: loop.state.status == ControllerState.RUNNING, 'control')
         assert [task.name for task in loop.state.tasks if task.level >= 0] == ['ee_position']
+        place = list(client.task('ee_position').current)
+        assert client.start_reach({'ee_position': place}).wait().outcome == Reach.Result.REACHED
 
         assert change(client, 'shutdown') == (True, 'finalized')
         assert events[-1].goal_state.label == 'finalized'

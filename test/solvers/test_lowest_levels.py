@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_stacks import examples, numbers
 from small_arms import planar_block, planar_robot
-from test_urdf import ARM
+from urdf_arm import ARM
 
 from tp_controller import InvalidValue, build_settings
 from tp_controller.objectives import ManipulabilityObjective

@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from random_stacks import arms, examples, numbers, planar_arms, states, vectors
 from small_arms import planar_block, robot_of
-from test_urdf import ARM
+from urdf_arm import ARM
 from urdf_reference import descriptions
 
 from tp_controller import InvalidValue, build_settings

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from random_stacks import arms, examples, numbers, parameters, positive_vectors, states, vectors
 from references import dh_poses
 from small_arms import planar_block, planar_robot, robot_of
-from test_urdf import ARM
+from urdf_arm import ARM
 from urdf_reference import descriptions
 
 from tp_controller import InvalidValue, build_settings, read_parameter_file

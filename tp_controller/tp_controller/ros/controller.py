@@ -213,7 +213,6 @@ class ControllerNode(ManagedNode):
         stack = self._stack
         held = stack.held
         self._end_goals('deactivated')
-        self._targets = {name: task.settings[0] for name, task in stack.tasks.items()}
         stack.hold()
         try:
             return self._cycle.end()
@@ -223,6 +222,9 @@ class ControllerNode(ManagedNode):
         finally:
             if not held:
                 stack.resume(targets=True)
+            # Goals that come from now on count.
+            self._inputs.release.end_all()
+            self._targets = {name: task.settings[0] for name, task in stack.tasks.items()}
             self._cycle.show_held()
             self._state.refresh(self._commands.velocity)
             self._publish_state()

@@ -44,6 +44,12 @@ class Release:
         """Leave the target of a task as it is."""
         self._ends.pop(task, None)
 
+    def end_all(self) -> None:
+        """Let tasks that still follow take the values that they have at the next state."""
+        for task in self._ends:
+            self._stack.aim_at_present(task)
+        self._ends.clear()
+
     def look(self) -> None:
         """Go on after an answer."""
         for task, end in list(self._ends.items()):
