@@ -34,10 +34,12 @@ def test_joint_states_that_have_stopped_are_an_error_and_those_yet_to_come_a_war
     for status, level in (
         (ControllerState.STALE, DiagnosticStatus.ERROR),
         (ControllerState.WAITING, DiagnosticStatus.WARN),
+        (ControllerState.INACTIVE, DiagnosticStatus.OK),
     ):
         found = judged(ControllerState(status=status))
         assert found[JOINT_STATES].level == level
-        assert 'joint states' in found[JOINT_STATES].message
+        if level != DiagnosticStatus.OK:
+            assert 'joint states' in found[JOINT_STATES].message
         assert found[CYCLE].level == DiagnosticStatus.OK
 
 

@@ -62,7 +62,9 @@ def test_several_publishers(ordinary):
     for i in range(5):
         assert_same(decoder, joint_state(['a', 'b'], [0.5, i]))
         assert_same(decoder, joint_state(['gripper'], [i]))
-    assert len(ordinary) == 2
+        # As many bytes, other names.
+        assert_same(decoder, joint_state(['a', 'c'], [i, 0.5]))
+    assert len(ordinary) == 3
 
 
 def test_what_is_laid_out_otherwise_is_read_by_rclpy(ordinary):

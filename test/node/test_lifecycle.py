@@ -56,6 +56,8 @@ def test_a_moving_controller_is_driven_through_all_states(config):
         refused = client.start_reach({'ee_position': [1.0, -0.5]}).wait()
         assert refused.outcome == Reach.Result.REFUSED
         assert 'one while the node is not active' in refused.message
+        with pytest.raises(GoalRejected, match='not active'):
+            loop.send_feedforward('ee_position', [0.1, 0.0])
         assert change(client, 'deactivate') == (False, 'inactive')
         assert loop.controller.running
 

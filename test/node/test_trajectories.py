@@ -157,6 +157,41 @@ def test_a_start_may_be_later_or_have_passed(loop):
     assert loop.record.q[-1, 0] == pytest.approx(0.4, abs=1e-3)
 
 
+def test_the_path_before_goes_on_until_a_later_one_begins(loop):
+    loop.set_parameters({'hierarchy': ['posture']})
+    follow(loop, 'posture', joint_trajectory(JOINTS, [2.0], [[0.6, 0.6, 0.3]]))
+    loop.run(0.5)
+    msg = joint_trajectory(JOINTS, [1.5], [START])
+    begins = loop.state.header.stamp.sec * 10**9 + loop.state.header.stamp.nanosec + 5 * 10**8
+    msg.header.stamp.sec, msg.header.stamp.nanosec = divmod(begins, 10**9)
+    follow(loop, 'posture', msg)
+    loop.run(2.5)
+    record = loop.record
+    stamps = np.array(list(loop._recorder._states)) - begins
+    # The first one alone would be half way at its half.
+    assert record.q[np.searchsorted(stamps, 0), 0] == pytest.approx(0.3, abs=1e-3)
+    assert np.abs(np.diff(record.qd, axis=0)).max() < 0.05
+    assert record.q[-1] == pytest.approx(START, abs=1e-3)
+
+
+def test_a_feedforward_ends_with_an_empty_trajectory(loop):
+    loop.send_feedforward('ee_position', [0.05, 0.0])
+    loop.run(0.2)
+    assert np.abs(loop.record.qd[-1]).max() > 0.01
+    loop.client.publish(
+        'tp_controller/ee_position/trajectory', frame_trajectory([], np.empty((0, 2)))
+    )
+    loop.run(3.0)
+    assert np.abs(loop.record.qd[-1]).max() < 1e-4
+
+
+def test_a_path_that_is_too_fast_for_numbers_ends_at_rest(loop):
+    follow(loop, 'posture', joint_trajectory(JOINTS, [0.001], [[1e8, 0.0, 0.0]]))
+    loop.run(1.0)
+    assert 'trajectory rejected: feedforward' in loop.client.task('posture').message
+    assert np.abs(loop.record.qd[-1]).max() < 1e-4
+
+
 def test_a_frame_of_the_robot_may_be_named(loop):
     start = np.array(loop.client.task('ee_position').current)
     turn = sum(loop.state.position)

@@ -1,9 +1,12 @@
 """The command that shows a running controller in the terminal."""
 
+import re
+
 import pytest
 from rich.console import Console
 
-from tp_controller.ros.watch_table import Sight, render
+from tp_controller.ros.diagnostics import STATUS
+from tp_controller.ros.watch_table import NAMES, Sight, render
 from tp_interfaces.msg import ControllerState, LevelState, TaskState
 from tp_sim.harness import ClosedLoop, NodeProcess
 
@@ -56,6 +59,13 @@ def test_nothing_is_cut_off_at_any_width(width):
     text = ''.join(''.join(shown(some_state(), width)).split())
     assert '1of2directionsfree' in text or width < 80
     assert 'rejected' in text
+
+
+def test_every_status_has_a_name_here_and_in_diagnostics(repository):
+    text = (repository / 'tp_interfaces/msg/ControllerState.msg').read_text(encoding='utf-8')
+    statuses = {int(value) for value in re.findall(r'^uint8 [A-Z]+ *= *(\d+)', text, re.MULTILINE)}
+    assert len(statuses) == 5
+    assert set(NAMES) == set(STATUS) == statuses
 
 
 def test_silence_is_told_above_the_last_state():

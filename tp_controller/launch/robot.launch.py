@@ -7,10 +7,9 @@ Example, with ros2_control's forward_command_controller::
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
 
 ARGUMENTS = (
     ('config', None, 'parameter file of the controller'),
@@ -19,41 +18,55 @@ ARGUMENTS = (
     ('velocity_command', 'joint_velocity_command', 'topic of commands that are velocities'),
     ('position_command', 'joint_position_command', 'topic of commands that are positions'),
     ('robot_description', 'robot_description', 'topic of a URDF that the file does not name'),
-    ('autostart', 'true', 'whether the controller configures and activates itself'),
-    ('use_sim_time', 'false', 'whether time comes from /clock'),
+    (
+        'autostart',
+        '',
+        'true or false: whether the controller activates itself; else as in the file',
+    ),
+    ('use_sim_time', '', 'true or false: whether time comes from /clock; else as in the file'),
     ('log_level', 'info', 'what the log has: debug, info, warn, error or fatal'),
 )
+SWITCHES = ('autostart', 'use_sim_time')
 
 
 def generate_launch_description():
     """Start the controller; its end ends the launch."""
-    controller = Node(
-        package='tp_controller',
-        executable='controller',
-        namespace=LaunchConfiguration('namespace'),
-        parameters=[
-            LaunchConfiguration('config'),
-            {
-                name: ParameterValue(LaunchConfiguration(name), value_type=bool)
-                for name in ('autostart', 'use_sim_time')
-            },
-        ],
-        remappings=[
-            ('joint_states', LaunchConfiguration('joint_states')),
-            ('joint_velocity_command', LaunchConfiguration('velocity_command')),
-            ('joint_position_command', LaunchConfiguration('position_command')),
-            ('robot_description', LaunchConfiguration('robot_description')),
-        ],
-        ros_arguments=['--log-level', LaunchConfiguration('log_level')],
-        output='screen',
-        emulate_tty=True,
-    )
     return LaunchDescription(
         [
             *(
-                DeclareLaunchArgument(name, default_value=default, description=text)
+                DeclareLaunchArgument(
+                    name,
+                    default_value=default,
+                    description=text,
+                    choices=('', 'true', 'false') if name in SWITCHES else None,
+                )
                 for name, default, text in ARGUMENTS
             ),
-            controller,
+            OpaqueFunction(function=_nodes),
         ]
     )
+
+
+def _nodes(context):
+    given = {name: LaunchConfiguration(name).perform(context) for name, _, _ in ARGUMENTS}
+    # Only what was given: the file counts else.
+    values = {name: given[name] == 'true' for name in SWITCHES if given[name]}
+    return [
+        Node(
+            package='tp_controller',
+            executable='controller',
+            # With its name the values count for this node alone, and win over the file.
+            name='tp_controller',
+            namespace=given['namespace'],
+            parameters=[given['config'], *([values] if values else [])],
+            remappings=[
+                ('joint_states', given['joint_states']),
+                ('joint_velocity_command', given['velocity_command']),
+                ('joint_position_command', given['position_command']),
+                ('robot_description', given['robot_description']),
+            ],
+            ros_arguments=['--log-level', given['log_level']],
+            output='screen',
+            emulate_tty=True,
+        )
+    ]

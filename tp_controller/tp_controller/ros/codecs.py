@@ -37,7 +37,8 @@ class Frames:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self.robot_seen = False
-        """Whether the robot's configuration is known: set after the first joint state."""
+        """Whether the robot's configuration is known: after the first joint state since the node
+        became active."""
 
     def named(self, frame_id: str, otherwise: Frame) -> Frame:
         """Frame of a message's header; another one if the name is empty.

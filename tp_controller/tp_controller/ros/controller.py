@@ -205,6 +205,7 @@ class ControllerNode(ManagedNode):
         if self._targets is not None and self._settings.values[RESUME] == PRESENT:
             self._stack.forget_targets(self._targets)
         self._cycle.begin()
+        self._inputs.active = True
         self.log.info(f'waiting for joint states; tasks by level: {self._levels()}')
         self._due = True
 
@@ -224,6 +225,9 @@ class ControllerNode(ManagedNode):
                 stack.resume(targets=True)
             # Goals that come from now on count.
             self._inputs.release.end_all()
+            self._inputs.feedforwards.end_all()
+            self._inputs.active = False
+            self._inputs.robot_lost()
             self._targets = {name: task.settings[0] for name, task in stack.tasks.items()}
             self._cycle.show_held()
             self._state.refresh(self._commands.velocity)
@@ -243,7 +247,7 @@ class ControllerNode(ManagedNode):
         """End all that is under way to goals or along paths."""
         if self._reach is not None:
             self._reach.interrupt(cause)
-        self._inputs.trajectories.end_all()
+        self._inputs.end_motion()
 
     def stop(self) -> str:
         """Bring the robot to rest."""

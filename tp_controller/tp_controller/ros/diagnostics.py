@@ -14,7 +14,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from tp_controller.ros.commands import CommandPublisher
-from tp_controller.ros.cycle import ANSWERING
 from tp_controller.ros.state_watch import StateWatch
 from tp_controller.ros.warnings import Warnings
 from tp_controller.stack import Stack
@@ -43,6 +42,7 @@ STATUS = {
     ControllerState.RUNNING: 'running',
     ControllerState.STALE: 'no joint states: braking, or at rest',
     ControllerState.HELD: 'held at rest',
+    ControllerState.INACTIVE: 'inactive: no command is sent',
 }
 
 
@@ -161,7 +161,7 @@ class Health:
         if part == JOINT_STATES and self._state.status == ControllerState.WAITING:
             level = DiagnosticStatus.WARN
             told = told or [STATUS[ControllerState.WAITING]]
-        elif part == JOINT_STATES and self._state.status not in ANSWERING:
+        elif part == JOINT_STATES and self._state.status == ControllerState.STALE:
             level = DiagnosticStatus.ERROR
             told = told or [STATUS[ControllerState.STALE]]
         message = '; '.join(told) or (STATUS[self._state.status] if part == MOTION else 'ok')
@@ -171,7 +171,8 @@ class Health:
 
 def part_of(subject: str) -> str:
     """Which of `PARTS` tells a warning about a subject."""
-    if any(word in subject for word in (' goal', ' feedforward', '/goal', '/feedforward')):
+    inputs = ('goal', 'feedforward', 'trajectory')
+    if any(f' {word}' in subject or f'/{word}' in subject for word in inputs):
         return GOALS
     if subject.startswith('/'):
         return JOINT_STATES

@@ -35,9 +35,16 @@ class FeedforwardOverrides:
         """Let the task's feedforward, just set, hold from the next joint state on."""
         self._ends[task] = None
 
-    def forget(self, task: Task) -> None:
-        """Let a task's feedforward be."""
-        self._ends.pop(task, None)
+    def end(self, task: Task) -> None:
+        """Give a task its configured value back, if its feedforward came by topic."""
+        if task in self._ends:
+            task.feedforward = self._configured(task)
+            del self._ends[task]
+
+    def end_all(self) -> None:
+        """Give all tasks their configured values back."""
+        for task in list(self._ends):
+            self.end(task)
 
     def advance(self, seconds: float) -> None:
         """Let time pass; tasks whose feedforward is too old get their configured value back.
@@ -55,5 +62,4 @@ class FeedforwardOverrides:
             if end is None:
                 self._ends[task] = self._now + self._timeout
             elif self._now > end:
-                task.feedforward = self._configured(task)
-                del self._ends[task]
+                self.end(task)

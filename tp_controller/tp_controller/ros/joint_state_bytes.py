@@ -29,16 +29,18 @@ class JointStateDecoder:
 
     def __init__(self) -> None:
         # By the count of bytes.
-        self._known: dict[int, _Known] = {}
+        self._known: dict[int, list[_Known]] = {}
+        self._count = 0
 
     def read(self, data: bytes) -> JointStateValues:
         """Read the bytes of a joint state; it has no names if they are not those of one."""
-        known = self._known.get(len(data))
-        if known is not None and known.fixed(data) == known.content:
-            stamp = Time()
-            stamp.sec, stamp.nanosec = STAMP.unpack_from(data, HEADER)
-            position = array('d', data[known.position])
-            return JointStateValues(stamp, known.names, position, array('d', data[known.velocity]))
+        for known in self._known.get(len(data), ()):
+            if known.fixed(data) == known.content:
+                stamp = Time()
+                stamp.sec, stamp.nanosec = STAMP.unpack_from(data, HEADER)
+                position = array('d', data[known.position])
+                velocity = array('d', data[known.velocity])
+                return JointStateValues(stamp, known.names, position, velocity)
         try:
             msg = deserialize_message(data, JointState)
         except (RuntimeError, UnicodeDecodeError):
@@ -55,16 +57,19 @@ class JointStateDecoder:
         check = itemgetter(slice(HEADER + STAMP.size), *numbers.values())
         if fixed(data) != fixed(own) or check(data) != check(own):
             return
-        if len(self._known) >= LAYOUTS:
+        if self._count >= LAYOUTS:
             self._known.clear()
+            self._count = 0
+        self._count += 1
         none = slice(0)
-        self._known[len(data)] = _Known(
+        known = _Known(
             fixed,
             fixed(data),
             msg.name,
             numbers.get('position', none),
             numbers.get('velocity', none),
         )
+        self._known.setdefault(len(data), []).append(known)
 
 
 class _Known(NamedTuple):

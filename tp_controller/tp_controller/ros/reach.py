@@ -53,7 +53,7 @@ OUTCOMES = {
 
 
 class _Server(ActionServer):
-    """An action server that is told results, in place of one that waits for them."""
+    """An action server whose results are set from outside: no function runs per goal."""
 
     def notify_execute(self, goal_handle: ServerGoalHandle, execute_callback: Any) -> None:
         """Leave the goal to whoever has accepted it."""
@@ -232,7 +232,6 @@ class ReachServer:
             if shared := set(other.names) & {task.name for task in tasks}:
                 self._replace(other, f'a newer goal for {listed(sorted(shared))}', tasks)
         for task, target in zip(tasks, targets, strict=True):
-            self._release.end(task)
             self._inputs.aim(task, target)
         self._goals.append(_Goal(handle, tasks, progress, self._answered.now))
         self._seen = self._spoken = time.monotonic()
@@ -307,6 +306,13 @@ class ReachServer:
         if (task := goal.retargeted()) is not None:
             self._replace(goal, f'{task.name} got another target')
             return
+        for task in goal.tasks:
+            # A new task of the same name is another one.
+            listed = self._stack.level_of(task.name) >= 0
+            if not listed or self._stack.tasks[task.name] is not task:
+                cause = f'{task.name} left the hierarchy'
+                self._finish(goal, Reach.Result.INTERRUPTED, cause)
+                return
         if goal.verdict is None:
             errors = np.array([math.sqrt(task.error @ task.error) for task in goal.tasks])
             moving = bool(np.abs(self._command).max() > MOVING)
@@ -350,12 +356,7 @@ class ReachServer:
             self._finish(goal, OUTCOMES[goal.verdict], goal.verdict.value)
 
     def _tell(self, goal: _Goal) -> None:
-        """Give feedback, unless a task has left the hierarchy."""
-        for task in goal.tasks:
-            if self._stack.level_of(task.name) < 0:
-                cause = f'{task.name} left the hierarchy'
-                self._finish(goal, Reach.Result.INTERRUPTED, cause)
-                return
+        """Give feedback."""
         pending = goal.pending
         self._publish(goal, _words(lost for lost in goal.lost if lost.task in pending))
 
@@ -433,7 +434,7 @@ class ReachServer:
             return f'{stay}, on its way'
         if self._stack.solver.findings() is None:
             return f'{stay}; why is not known with this solver.type'
-        return f'{stay}; its level lost nothing'
+        return f'{stay}; no loss was found'
 
 
 def _words(lost: Iterable[_Lost]) -> str:

@@ -17,7 +17,7 @@ PRESENT = 1e-9
 
 
 class Release:
-    """Lets tasks follow the arm while it brakes, so that they have not to turn back afterwards.
+    """Lets tasks follow the arm while it brakes, so that it does not move back afterwards.
 
     Parameters
     ----------
@@ -34,6 +34,10 @@ class Release:
     def __bool__(self) -> bool:
         """Whether a task still follows."""
         return bool(self._ends)
+
+    def follows(self, task: Task) -> bool:
+        """Whether a task still follows."""
+        return task in self._ends
 
     def begin(self, task: Task) -> None:
         """Let a task take its present values as targets until it is at rest."""
@@ -53,7 +57,7 @@ class Release:
     def look(self) -> None:
         """Go on after an answer."""
         for task, end in list(self._ends.items()):
-            # Without a target it was given up just now: that comes with the next step.
+            # Without a target yet: the next step sets it.
             if task.settings[0].size and not self._goes_on(task, end):
                 del self._ends[task]
 

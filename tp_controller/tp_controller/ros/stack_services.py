@@ -123,8 +123,11 @@ class StackServices:
             for addition in additions:
                 await self._forget(addition.task.name)
             raise
-        for name in request.removals:
-            await self._forget(name)
+        # All leave in one: what stood in pauses could list one of them again.
+        tasks = self._settings.stack.tasks
+        gone = [(tasks[name], remove(self._settings, name)) for name in request.removals]
+        for task, keys in gone:
+            await self._apart.in_pieces(self._removed(task, keys))
 
     def _check(self, request: Request, additions: Sequence[Addition]) -> Flat:
         schema = controller_schema(self._settings.values)
@@ -158,8 +161,9 @@ class StackServices:
 
     async def _forget(self, name: str) -> None:
         """Remove a task that is not in the hierarchy."""
-        task = self._settings.stack.tasks.get(name)
-        if task is not None:
+        stack = self._settings.stack
+        task = stack.tasks.get(name)
+        if task is not None and stack.place_of(name) < 0:
             keys = remove(self._settings, name)
             await self._apart.in_pieces(self._removed(task, keys))
 

@@ -114,12 +114,15 @@ class TaskInputs:
             self._configured,
             settings.values['timeouts.feedforward'],
             refuse_at_rest,
+            lambda task, problem: self._reject(task, 'trajectory', problem),
         )
         self.answered.follow(self.trajectories)
         self.know_period(period)
         self._topics: list[_Topic] = []
         self._first = 0
         """Topic that is looked at first."""
+        self.active = False
+        """Whether the node is active: a velocity that comes before may not wait for that."""
 
     def know_period(self, period: float) -> None:
         """Take over the time [s] of one cycle."""
@@ -128,6 +131,15 @@ class TaskInputs:
     def robot_seen(self) -> None:
         """Take note that the robot's configuration is known."""
         self._reader.robot_seen = True
+
+    def robot_lost(self) -> None:
+        """Take note that the arm may be moved by others from now on."""
+        self._reader.robot_seen = False
+
+    def end_motion(self) -> None:
+        """End what moves tasks by itself: trajectories, and feedforwards from topics."""
+        self.trajectories.end_all()
+        self.feedforwards.end_all()
 
     @property
     def subscriptions(self) -> list[Subscription]:
@@ -164,7 +176,7 @@ class TaskInputs:
                 self._node.destroy_subscription(topic.subscription)
         self._topics = [topic for topic in self._topics if topic.task is not task]
         self._first = 0
-        self.feedforwards.forget(task)
+        self.feedforwards.end(task)
         self.trajectories.end(task)
         self.release.end(task)
 
@@ -220,19 +232,24 @@ class TaskInputs:
 
     def aim(self, task: Task, target: np.ndarray) -> None:
         """Set and show a task's target (target_size,)."""
+        self.release.end(task)
         task.target = target
         self._state.task(task.name).accepted_goals += 1
         self._state.refresh_target(task.name, self._reader.robot_seen)
 
     def _on_trajectory(self, task: Task, msg: Any) -> None:
         self.trajectories.begin(task, msg, self._reader)
-        self.feedforwards.forget(task)
+        self.feedforwards.end(task)
         self._state.task(task.name).accepted_goals += 1
 
     def _on_feedforward(self, task: Task, msg: Any) -> None:
         if self.trajectories.runs(task):
             got = 'one while a trajectory runs, which has its own'
             raise InvalidValue('feedforward', got, 'ones without a trajectory')
+        if not self.active:
+            raise InvalidValue(
+                'feedforward', 'one while the node is not active', 'ones once it is'
+            )
         task.feedforward = self._reader.feedforward(task, msg, self._configured(task))
         self._state.task(task.name).accepted_feedforwards += 1
         self.feedforwards.begin(task)

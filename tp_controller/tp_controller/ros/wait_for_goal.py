@@ -57,7 +57,8 @@ class GoalWaiter:
             signal.signal(number, self._on_signal)
         self._wait(self._client.server_is_ready, f'no controller takes goals on {self._topic}')
         sent = self._client.send_goal_async(goal, feedback_callback=self._on_feedback)
-        self._wait(sent.done, 'the controller did not answer')
+        # A signal meanwhile cancels the goal once it is known: the controller may have it.
+        self._wait(sent.done, 'the controller did not answer', interruptible=False)
         handle = sent.result()
         result = handle.get_result_async()
         console = Console(stderr=True)
@@ -92,10 +93,12 @@ class GoalWaiter:
         self._heard = time.monotonic()
         self._show(progress_line(message.feedback))
 
-    def _wait(self, condition: Callable[[], bool], otherwise: str) -> None:
+    def _wait(
+        self, condition: Callable[[], bool], otherwise: str, interruptible: bool = True
+    ) -> None:
         end = time.monotonic() + self._timeout
         while not condition():
-            if self._signals:
+            if self._signals and interruptible:
                 raise TimeoutError('interrupted')
             if time.monotonic() > end:
                 raise TimeoutError(f'{otherwise} (waited {self._timeout:g} s)')

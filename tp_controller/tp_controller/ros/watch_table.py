@@ -19,6 +19,7 @@ NAMES = {
     ControllerState.RUNNING: ('RUNNING', 'bold green'),
     ControllerState.STALE: ('STALE', 'bold red'),
     ControllerState.HELD: ('HELD', 'bold yellow'),
+    ControllerState.INACTIVE: ('INACTIVE', 'bold yellow'),
 }
 """Name of every status, and how it looks."""
 RECENT = 500_000_000
