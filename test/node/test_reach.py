@@ -145,6 +145,11 @@ def test_a_newer_target_replaces_it(loop, newer):
     assert result.outcome == Result.REPLACED
     assert 'replaced: ' in result.message
     assert 'ee_position' in result.message
+    loop.run(1.0)
+    # The other task does not go on to its goal, the newer target stays.
+    assert loop.client.task('posture').error_norm < 1e-3
+    if newer != 'reach':
+        assert list(loop.client.task('ee_position').desired) == [1.2, 0.5]
 
 
 def test_goals_for_other_tasks_go_on_side_by_side(loop):

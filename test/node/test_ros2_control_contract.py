@@ -81,7 +81,9 @@ def test_an_arm_behind_ros2_control_is_moved_and_left_at_rest(lone_controller, i
     first = arm.applied[0].tolist()
     assert first == ([0.0] * 3 if interface == 'velocity' else [START[name] for name in JOINTS])
     client.send_goal('ee_position', [1.0, 0.5])
-    client.wait_for(lambda: client.task('ee_position').error_norm < 0.5, 'motion')
+    client.wait_for(lambda: client.task('ee_position').error_norm < 0.01, 'the goal')
+    client.send_goal('ee_position', [1.3, 0.2])
+    client.wait_for(lambda: client.task('ee_position').error_norm < 0.3, 'motion')
     controller.process.signal(2)
     client.wait_for(lambda: not controller.process.running, 'the end')
     assert controller.process.wait() == 0
@@ -89,6 +91,8 @@ def test_an_arm_behind_ros2_control_is_moved_and_left_at_rest(lone_controller, i
     client.wait_for(lambda: len(arm.applied) > count + 10, 'rest')
     assert arm.state['gripper'] == START['gripper']
     assert max(np.abs(list(arm.velocity.values()))) == 0.0
+    last = np.array(arm.applied[-10:])
+    assert np.ptp(last, axis=0).max() == 0.0
     if interface == 'velocity':
         # Readers are best effort and keep one: of positions that were lost nothing is said.
         assert np.abs(arm.received).max() <= SPEED

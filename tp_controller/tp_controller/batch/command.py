@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -21,20 +21,14 @@ from tp_controller.batch.engine import check_engine, run_batch
 from tp_controller.batch.plan import SECONDS, TOLERANCE, Batch, plan_batch
 from tp_controller.batch.plots import draw_plots
 from tp_controller.batch.table import FILE, check_folder, column, write_runs
+from tp_controller.command_line import REFUSED, OneLineParser
 from tp_controller.config import read_parameter_file
 from tp_controller.errors import InvalidValue, TaskPriorityError
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-REFUSED, INTERRUPTED = 2, 130
-
-
-class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(REFUSED, f'{self.prog}: {message} (--help lists the options)\n')
+INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -63,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = OneLineParser(
         prog='batch',
         description='Run closed loops from random starts to random goals on all cores, without '
         'ROS. The joints carry out every command exactly.',

@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,21 +15,15 @@ from rich.console import Console
 from tp_controller.checks import ERROR, NOTE, SEVERITIES, WARNING, Finding, check_settings, read
 from tp_controller.checks.findings import warning
 from tp_controller.checks.tables import frames, joints
+from tp_controller.command_line import REFUSED, OneLineParser
 from tp_controller.config import read_blocks, read_parameter_file, robot_source
 from tp_controller.errors import NO_VALUE, InvalidValue, listed, plural, shown
 from tp_controller.robot import Robot, read_description
 
-FINE, WARNED, REFUSED = 0, 1, 2
+FINE, WARNED = 0, 1
 SIMULATOR = 'tp_sim'
 POSITIONS = 'initial_positions'
 STYLES = {ERROR: 'bold red', WARNING: 'yellow', NOTE: 'dim'}
-
-
-class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(REFUSED, f'{self.prog}: {message} (--help lists the options)\n')
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,7 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+    parser = OneLineParser(
         prog='check',
         description='Check parameter files of the controller before anything moves: what it would '
         'refuse, and what will hardly work as meant. Exit status 0: fine, 1: warnings, 2: errors.',
@@ -86,7 +80,7 @@ def _check(path: Path, given: argparse.Namespace, console: Console) -> int:
         values = read_parameter_file(path, given.node)
         found, robot, start = _look(path, values, given)
     except InvalidValue as error:
-        key = error.key.removeprefix(f'{path}').lstrip(': ') or 'file'
+        key = error.key.removeprefix(str(path)).lstrip(': ') or 'file'
         found, robot, start = [Finding(ERROR, key, f'got {error.got}', error.accepts)], None, None
     for finding in sorted(found, key=lambda one: SEVERITIES.index(one.severity)):
         console.print(f'{path}: {finding}', style=STYLES[finding.severity], markup=False)

@@ -39,7 +39,7 @@ def rank_of_levels(samples: Samples) -> Iterator[Finding]:
     for tasks in samples.levels:
         names = ' + '.join(task.name for task in tasks)
         J = _stacked(samples, tasks)
-        # What no joint moves is told by `dead_rows`.
+        # What no joint moves is reported by `dead_rows`.
         rows = sum(task.k - len(_dead(samples, task)) for task in tasks)
         alone = max((rank(J_i, float(np.linalg.norm(J_i))) for J_i in J), default=0)
         left = alone
@@ -48,7 +48,7 @@ def rank_of_levels(samples: Samples) -> Iterator[Finding]:
             left = max(
                 rank(J_i @ N, float(np.linalg.norm(J_i))) for J_i, N in zip(J, free, strict=True)
             )
-        # What one task above has is told by `same_axes`.
+        # What one task above has is reported by `same_axes`.
         told = sum(_told(samples, above, task) for task in tasks) if one_by_one else 0
         rest = bool(tasks) and all(task.type in REST for task in tasks)
         upper = listed(task.name for task in above)
@@ -164,7 +164,7 @@ def _taken(samples: Samples, upper: Task, lower: Task) -> list[str]:
     moved: NDArray[np.bool_] = np.zeros(lower.k, dtype=bool)
     pairs = zip(samples.jacobians[upper.name], samples.jacobians[lower.name], strict=True)
     for above, below in pairs:
-        Q = span(samples.stack.robot, above)
+        Q = span(above)
         if Q.shape[1] == samples.stack.robot.n:
             # It has all there is, not these rows in particular.
             return []

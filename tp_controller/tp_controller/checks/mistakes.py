@@ -36,8 +36,8 @@ class Reading(NamedTuple):
 def read(parameters: Mapping[str, Any], description: str | None = None) -> Reading:
     """Build what a controller would, and collect what it would refuse.
 
-    Mistakes of one task do not hide those of another, or of the solver. What follows from a
-    mistake in the robot or the rate is not looked for.
+    Mistakes of one task do not hide those of another. What follows from a mistake in the robot or
+    the rate is not looked for, and the solver is built once the tasks have no mistakes.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ def start(stack: Stack, q: Vector) -> Iterator[Finding]:
     for task in guards(stack):
         distance = distances_at(stack, [q])[task.name][0]
         kept = task.kept_distance if isinstance(task, ClearanceTask) else 0.0
-        # What is in between is pushed apart, or waited for until it is apart.
+        # A task moves pairs that are nearer than this apart, or waits until they are.
         near = np.flatnonzero(distance < kept)
         if isinstance(task, JointLimitsTask):
             near = np.array([i for i in near if task.components[i] not in outside], dtype=int)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.robot import Robot, moved
+from tp_controller.robot import moved
 from tp_controller.robot.draws import random_configuration
 from tp_controller.stack import Stack
 from tp_controller.tasks import SetBasedTask, Task
@@ -97,7 +97,7 @@ def freedom(J: Matrix, n: int) -> Matrix:
     return Vt[int(np.count_nonzero(s > NOTHING * np.linalg.norm(J))) :].T
 
 
-def span(robot: Robot, J: Matrix) -> Matrix:
+def span(J: Matrix) -> Matrix:
     """Orthonormal columns (n, r) of what rows (k, n) take."""
     _, s, Vt = np.linalg.svd(J, full_matrices=False)
-    return Vt[s > NOTHING * np.linalg.norm(J)].T.reshape(robot.n, -1)
+    return Vt[s > NOTHING * np.linalg.norm(J)].T

@@ -149,10 +149,12 @@ class Layout:
             raise TypeError(f'a field of type {kind} is not handled')
         self._add_count(len(value))
         for entry in value:
-            if isinstance(entry, str):
+            if kind == f'sequence<{TEXT}>':
                 self._add_text_or_list(TEXT, entry)
-            else:
+            elif hasattr(entry, 'get_fields_and_field_types'):
                 self._add_fields(entry, list(entry.get_fields_and_field_types()))
+            else:
+                raise TypeError(f'a field of type {kind} is not handled')
 
     def _add_count(self, count: int) -> None:
         self._align(COUNT.size)

@@ -33,7 +33,7 @@ PERIOD, PLAIN_PERIOD = 0.2, 1.0
 SETTLE = 0.5
 """Time [s] that ``--once`` looks on, for the rate and for the levels to be explained."""
 QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""The newest state alone, and nobody has to send one again: who looks is no burden."""
+"""The newest state alone; the controller sends none again for a watcher."""
 TYPE = 'tp_interfaces/msg/ControllerState'
 
 
@@ -131,7 +131,7 @@ class Watcher:
         self._subscription = subscribe(node, ControllerState, f'{controller}/state', QOS)
         self.topic = str(self._subscription.topic_name)
         self._state: ControllerState | None = None
-        self._seen = self._began = time.monotonic()
+        self._seen = time.monotonic()
         self._before: tuple[float, int] | None = None
         self._rate = math.nan
 
@@ -153,7 +153,7 @@ class Watcher:
             self._before, self._rate = (now, cycles), math.nan
             return
         passed = now - self._before[0]
-        if passed >= 0.9 * min(SETTLE, SILENT):
+        if passed >= 0.9 * SETTLE:
             self._rate = (cycles - self._before[1]) / passed
             self._before = (now, cycles)
 

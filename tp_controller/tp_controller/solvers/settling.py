@@ -184,6 +184,26 @@ def _closeness(s, near):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
+def _eigenvectors(A, W, m):  # type: ignore[no-untyped-def]
+    """Fill the rows of W (m, m) with the eigenvectors of a symmetric matrix A (m, m).
+
+    Returns
+    -------
+    float
+        The norm of A. The rows of A are then as long as the eigenvalues and this together.
+    """
+    norm = 0.0
+    for a in range(m):
+        for b in range(m):
+            norm += A[a, b] * A[a, b]
+    norm = math.sqrt(norm)
+    for a in range(m):
+        A[a, a] += norm
+    orthogonalise(A, W, m, m)
+    return norm
+
+
+@njit(cache=True)
 def _largest(A, B, S, near, m, rank, raw, W):  # type: ignore[no-untyped-def]
     """Largest eigenvalue, or 0, of a curvature (m, m) without the regular directions of a level.
 
@@ -210,14 +230,7 @@ def _largest(A, B, S, near, m, rank, raw, W):  # type: ignore[no-untyped-def]
                 along += B[i, b] * raw[a, b]
             for b in range(m):
                 raw[a, b] -= regular * along * B[i, b]
-    shift = 0.0
-    for a in range(m):
-        for b in range(m):
-            shift += raw[a, b] * raw[a, b]
-    shift = math.sqrt(shift)
-    for a in range(m):
-        raw[a, a] += shift
-    orthogonalise(raw, W, m, m)
+    shift = _eigenvectors(raw, W, m)
     largest = 0.0
     for a in range(m):
         length = 0.0
@@ -453,16 +466,9 @@ def reserve(  # type: ignore[no-untyped-def]
         weights[r] = lost[r]
     _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull)
     _curvature(weights, end, hessians, offset, N, m, raw, A)
-    shift = 0.0
-    for a in range(m):
-        for b in range(m):
-            shift += A[a, b] * A[a, b]
-    shift = math.sqrt(shift)
+    shift = _eigenvectors(A, W, m)
     if shift <= 1e-14 * mean:
         return m
-    for a in range(m):
-        A[a, a] += shift
-    orthogonalise(A, W, m, m)
     left = 0
     for i in range(m):
         slope = 0.0
