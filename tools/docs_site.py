@@ -24,7 +24,11 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).resolve().parent.parent
-MARKDOWN = {'README.md': 'index.md', 'CONTRIBUTING.md': 'contributing.md', 'CHANGELOG.md': 'changelog.md'}
+MARKDOWN = {
+    'README.md': 'index.md',
+    'CONTRIBUTING.md': 'contributing.md',
+    'CHANGELOG.md': 'changelog.md',
+}
 """Pages that are files elsewhere, by their paths in the repository."""
 REFERENCE = {
     'api/tp_controller.md': ('The library: tp_controller', 'tp_controller'),
@@ -150,8 +154,8 @@ def _messages() -> str:
     lines = [
         '# Messages, services and actions',
         '',
-        'The definitions of the package `tp_interfaces`. [Topics, services and goals](interface.md)',
-        'says where they are used.',
+        'The definitions of the package `tp_interfaces`; [topics and services](interface.md) says',
+        'where they are used.',
         '',
     ]
     kinds = {'msg': 'message', 'srv': 'service', 'action': 'action'}
@@ -174,7 +178,9 @@ class _Math(Extension):
 
     def extendMarkdown(self, md: Markdown) -> None:  # noqa: N802 - a name of Markdown
         # Behind code, before everything that reads a backslash or an underscore.
-        md.inlinePatterns.register(_Inline(r'(?<![\\$])\$(?![\s$])([^$]+?)(?<![\s\\])\$(?!\d)', md), 'math', 185)
+        md.inlinePatterns.register(
+            _Inline(r'(?<![\\$])\$(?![\s$])([^$]+?)(?<![\s\\])\$(?!\d)', md), 'math', 185
+        )
         # Behind fences, whose texts are put aside by then.
         md.preprocessors.register(_LiteralBlocks(md), 'literal blocks', 24)
 

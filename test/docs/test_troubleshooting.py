@@ -40,7 +40,8 @@ def test_every_message_of_the_code_is_on_the_page(repository, page):
 
 
 @pytest.mark.parametrize(
-    ('path', 'count'), [('msg/ControllerState.msg', 5), ('action/Reach.action', 7), ('msg/Cause.msg', 10)]
+    ('path', 'count'),
+    [('msg/ControllerState.msg', 5), ('action/Reach.action', 7), ('msg/Cause.msg', 10)],
 )
 def test_every_status_outcome_and_cause_is_on_the_page(repository, page, path, count):
     text = (repository / 'tp_interfaces' / path).read_text(encoding='utf-8')

@@ -51,14 +51,19 @@ def _texts(tree):
 
 def _no_messages(node):
     """Parts of a node whose texts are no messages."""
-    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
-        yield node
-    elif isinstance(node, ast.keyword) and node.arg in HELP:
+    if (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)) or (
+        isinstance(node, ast.keyword) and node.arg in HELP
+    ):
         yield node
     elif isinstance(node, ast.Dict):
         yield from filter(None, node.keys)
     elif isinstance(node, ast.Assign):
-        if any(name.id in PARTS for t in node.targets for name in ast.walk(t) if isinstance(name, ast.Name)):
+        if any(
+            name.id in PARTS
+            for t in node.targets
+            for name in ast.walk(t)
+            if isinstance(name, ast.Name)
+        ):
             yield node.value
     elif isinstance(node, ast.AnnAssign) and getattr(node.target, 'id', '') in PARTS:
         yield from filter(None, [node.value])
@@ -66,7 +71,7 @@ def _no_messages(node):
         name = ast.unparse(node.func).rpartition('.')[2]
         if name in REFUSALS or name in MISUSE:
             yield from node.args
-        elif name in ('warning', 'note') and len(node.args) == 3 or name == 'Finding':
+        elif (name in ('warning', 'note') and len(node.args) == 3) or name == 'Finding':
             yield node.args[-1]
 
 
