@@ -187,7 +187,8 @@ class _Math(Extension):
 
 class _LiteralBlocks(Preprocessor):
     def run(self, lines: list[str]) -> list[str]:
-        return [re.sub(r'(?<=[\w)\]`.]) ?::$', ':', line) for line in lines]
+        plain = [re.sub(r'(?<=[\w)\]`.]) ?::$', ':', line) for line in lines]
+        return ['' if line == '::' else line for line in plain]
 
 
 class _Inline(InlineProcessor):
