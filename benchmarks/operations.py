@@ -1,4 +1,4 @@
-"""What an operator does to a moving arm, in real time: are limits and distances kept?
+"""Whether limits and distances are kept while an operator works with a moving arm, in real time.
 
 The arm has delay, lag and noise, which the controller knows, and busy loops run beside it. Twice a
 second something happens at random: a goal, a goal by ``~/reach``, a path, a hold, a task switched

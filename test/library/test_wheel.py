@@ -62,7 +62,7 @@ def test_it_has_type_information_and_nothing_of_ros(wheel):
 def test_what_is_in_it_imports_without_ros(wheel, tmp_path):
     with zipfile.ZipFile(wheel) as file:
         file.extractall(tmp_path)
-    # To compile anew would take minutes; that the very same sources are in the wheel is shown, too.
+    # To compile anew would take minutes; this shows, too, that the sources are the same.
     made = library_path()
     copytree(made, tmp_path / 'tp_controller' / '__pycache__' / made.name)
     script = """

@@ -54,7 +54,13 @@ def test_this_process_uses_the_library():
 def test_a_library_is_made_at_the_first_import_or_numba_compiles(tmp_path, can_be_made):
     package = tmp_path / 'tp_controller'
     (package / 'tasks').mkdir(parents=True)
-    needed = ['__init__.py', 'array_types.py', 'compiled.py', 'tasks/__init__.py', 'tasks/damper.py']
+    needed = [
+        '__init__.py',
+        'tasks/__init__.py',
+        'array_types.py',
+        'compiled.py',
+        'tasks/damper.py',
+    ]
     for name in [*needed, 'compile_ahead.py'][: 6 if can_be_made else 5]:
         if name.endswith('__init__.py'):
             (package / name).touch()

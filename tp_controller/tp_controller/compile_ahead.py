@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from tp_controller import compiled
-from tp_controller.compiled import PACKAGE, SUFFIX, library_path, modules, part_name
 
 
 def build() -> Path:
@@ -28,11 +27,12 @@ def build() -> Path:
     Path
         Where it is.
     """
-    path = library_path()
+    path = compiled.library_path()
     path.parent.mkdir(exist_ok=True)
     with (path.parent / 'compiled.lock').open('w') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        others = [old for old in path.parent.glob('compiled_*') if old != path]
+        found = path.parent.glob('compiled_*')
+        others = [old for old in found if old.is_dir() and old != path]
         if not path.is_dir():
             with tempfile.TemporaryDirectory(dir=path.parent) as made:
                 folder = Path(made, path.name)
@@ -46,11 +46,11 @@ def build() -> Path:
 
 
 def _fill(folder: Path, others: list[Path]) -> None:
-    """Compile all modules, on all cores; those that take longest first."""
+    """Compile all compiled.modules, on all cores; those that take longest first."""
     groups: list[list[Path]] = []
-    for path in sorted(modules(), key=lambda path: path.stat().st_size, reverse=True):
+    for path in sorted(compiled.modules(), key=lambda path: path.stat().st_size, reverse=True):
         if not _copied(path, folder, others):
-            # A process compiles anew what a module calls: modules of one chain share a process.
+            # A process compiles anew what a module calls: modules of one chain share one.
             needed = compiled.imported(path)
             group = next((group for group in groups if group[0] in needed), None)
             if group is None:
@@ -58,7 +58,7 @@ def _fill(folder: Path, others: list[Path]) -> None:
             else:
                 group.append(path)
     os.environ[compiled.COMPILING] = '1'
-    # A fork would have modules that are imported already.
+    # A fork would have compiled.modules that are imported already.
     with ProcessPoolExecutor(mp_context=get_context('spawn')) as pool:
         for _ in pool.map(_compile, groups, [folder] * len(groups)):
             pass
@@ -70,32 +70,35 @@ def _copied(path: Path, folder: Path, others: list[Path]) -> bool:
     (folder / name).touch()
     for other in others:
         if (other / name).exists():
-            for file in other.glob(f'{part_name(_module(path))}.*'):
+            for file in other.glob(f'{compiled.part_name(_module(path))}.*'):
                 shutil.copy(file, folder)
             return True
     return False
 
 
 def _compile(paths: list[Path], folder: Path) -> None:
-    """Compile the functions of modules that have a signature."""
+    """Compile the functions of compiled.modules that have a signature."""
     # numba compiles ahead by this class, of which mypy knows nothing.
     compiler: Any = importlib.import_module('numba.pycc').CC
     for path in paths:
         name = _module(path)
         importlib.import_module(name)
-        library = compiler(part_name(name), source_module=__name__)
+        library = compiler(compiled.part_name(name), source_module=__name__)
         library.target_cpu = 'host'
-        functions = [(made, types) for made, types in compiled.collected if made.__module__ == name]
-        for function, signature in functions:
-            types = signature[0] if isinstance(signature, list) else signature
-            library.export(function.__name__, types)(function)
-        if functions:
-            library.output_dir, library.output_file = str(folder), f'{part_name(name)}{SUFFIX}'
+        found = [(made, types) for made, types in compiled.collected if made.__module__ == name]
+        for function, types in found:
+            signature = types[0] if isinstance(types, list) else types
+            library.export(function.__name__, signature)(function)
+        if found:
+            library.output_dir, library.output_file = (
+                str(folder),
+                f'{compiled.part_name(name)}{compiled.SUFFIX}',
+            )
             library.compile()
 
 
 def _module(path: Path) -> str:
-    return '.'.join(path.relative_to(PACKAGE.parent).with_suffix('').parts)
+    return '.'.join(path.relative_to(compiled.PACKAGE.parent).with_suffix('').parts)
 
 
 if __name__ == '__main__':

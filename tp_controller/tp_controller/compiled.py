@@ -1,7 +1,7 @@
 """Compiled functions, out of a library of machine code that is made once of their sources.
 
-The library is a folder with one file of machine code for each module. It is made by `compile_ahead`
-at set-up, or else when the first module with compiled functions is imported. Where that cannot be
+The library is a folder with one file of machine code for each module. `compile_ahead` makes it at
+set-up, or else when the first module with compiled functions is imported. Where that cannot be
 done, for want of a C compiler say, numba compiles when modules are imported. Arguments are checked
 by numba alone: functions of the library take for granted that arrays have the type that the
 signature names.
@@ -53,7 +53,7 @@ def library() -> Path | None:
         paths = [str(PACKAGE.parent), *os.environ.get('PYTHONPATH', '').split(os.pathsep)]
         environment = os.environ | {COMPILING: '1', 'PYTHONPATH': os.pathsep.join(paths)}
         command = [sys.executable, '-m', 'tp_controller.compile_ahead']
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        done = subprocess.run(command, env=environment, capture_output=True, text=True)  # noqa: PLW1510
         if done.returncode:
             why = done.stderr.strip().rpartition('\n')[2]
             print(
