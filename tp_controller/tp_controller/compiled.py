@@ -50,16 +50,17 @@ def library() -> Path | None:
     path = library_path()
     if not path.is_dir():
         print('tp_controller: compiles its solver, once; two minutes', file=sys.stderr)
-        paths = [str(PACKAGE.parent), *os.environ.get('PYTHONPATH', '').split(os.pathsep)]
-        environment = os.environ | {COMPILING: '1', 'PYTHONPATH': os.pathsep.join(paths)}
-        command = [sys.executable, '-m', 'tp_controller.compile_ahead']
-        done = subprocess.run(command, env=environment, capture_output=True, text=True)  # noqa: PLW1510
+        paths = [str(PACKAGE.parent), *filter(None, [os.environ.get('PYTHONPATH')])]
+        done = subprocess.run(
+            [sys.executable, '-m', 'tp_controller.compile_ahead'],
+            env=os.environ | {COMPILING: '1', 'PYTHONPATH': os.pathsep.join(paths)},
+            check=False,
+            capture_output=True,
+            text=True,
+        )
         if done.returncode:
             why = done.stderr.strip().rpartition('\n')[2]
-            print(
-                f'tp_controller: numba compiles the solver instead ({why})',
-                file=sys.stderr,
-            )
+            print(f'tp_controller: numba compiles the solver instead ({why})', file=sys.stderr)
             return None
     return path
 
