@@ -87,6 +87,19 @@ def test_an_arm_that_was_blocked_starts_again_from_standstill():
     assert stack.arm.notice == ''
 
 
+def test_a_joint_that_says_it_moves_is_not_blocked_if_the_time_is_known_badly():
+    """Without stamps a sender that is late by a period and more looks like a joint that slows."""
+    stack = joint_stack()
+    plant = plant_of(stack)
+    run(stack, plant, 200)
+    q, qd = plant.measured()
+    before = stack.step(q, PERIOD, qd).command.copy()
+    plant.step(before, PERIOD)
+    q, qd = plant.measured()
+    after = stack.step(q, 2.2 * PERIOD, qd).command
+    assert np.abs(after - before).max() <= CHANGE * (1.0 + 1e-9)
+
+
 @pytest.mark.parametrize('velocities', [True, False])
 def test_a_reset_while_moving_is_said_and_answered_by_braking(velocities):
     stack = joint_stack()

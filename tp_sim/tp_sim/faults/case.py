@@ -7,6 +7,7 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from tp_sim.faults.judge import Findings
 from tp_sim.faults.pauses import PauseWatch
@@ -63,6 +64,10 @@ class Outcome:
         How long the case took.
     notes
         What is worth telling.
+    printed
+        What the processes printed.
+    record
+        Joint states sent, commands and motions.
     """
 
     case: Case
@@ -74,6 +79,7 @@ class Outcome:
     seconds: float = 0.0
     notes: list[str] = field(default_factory=list)
     printed: str = ''
+    record: dict[str, list[tuple[Any, ...]]] = field(default_factory=dict)
 
     @property
     def passed(self) -> bool:
@@ -110,6 +116,11 @@ def run_case(case: Case, judged: Judged, watch: PauseWatch) -> Outcome:
             time.monotonic() - steady,
             rig.notes,
             printed,
+            {
+                'sent': [tuple(item) for item in rig.relay.sent],
+                'commands': [tuple(item) for item in rig.relay.commands],
+                'motions': [tuple(item) for item in rig.relay.motions],
+            },
         )
     finally:
         rig.close()

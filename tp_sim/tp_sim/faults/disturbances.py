@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
 from sensor_msgs.msg import JointState
+
+from tp_sim.faults.record import Motion
 
 SEED = 7
 SECOND = 1_000_000_000
@@ -26,19 +27,21 @@ class Delivery(NamedTuple):
     """Time [s] until then."""
     usable: bool = True
     """Whether a controller may move the arm by it."""
+    origin: Motion | None = None
+    """What the arm did, whatever the message says."""
 
 
-Disturbance = Callable[[JointState], Iterable[Delivery]]
+Disturbance = Callable[[Delivery], Iterable[Delivery]]
 Change = Callable[[JointState], None]
 """Changes a joint state in place."""
 
 
-def passed_on(msg: JointState) -> Iterable[Delivery]:
+def passed_on(state: Delivery) -> Iterable[Delivery]:
     """Send it as it is."""
-    return (Delivery(msg),)
+    return (state,)
 
 
-def silent(msg: JointState) -> Iterable[Delivery]:
+def silent(state: Delivery) -> Iterable[Delivery]:
     """Send nothing."""
     return ()
 
@@ -46,36 +49,36 @@ def silent(msg: JointState) -> Iterable[Delivery]:
 def lost(share: float) -> Disturbance:
     """Lose a share of them."""
     rng = np.random.default_rng(SEED)
-    return lambda msg: () if rng.random() < share else (Delivery(msg),)
+    return lambda state: () if rng.random() < share else (state,)
 
 
 def late(delay: float) -> Disturbance:
     """Send each after a time [s]."""
-    return lambda msg: (Delivery(msg, delay),)
+    return lambda state: (state._replace(delay=delay),)
 
 
 def late_at_random(longest: float) -> Disturbance:
     """Send each after a time [s] of its own; some overtake others."""
     rng = np.random.default_rng(SEED)
-    return lambda msg: (Delivery(msg, longest * rng.random()),)
+    return lambda state: (state._replace(delay=longest * rng.random()),)
 
 
 def doubled(gap: float) -> Disturbance:
     """Send each twice, the second time after a gap [s]."""
-    return lambda msg: (Delivery(msg), Delivery(msg, gap))
+    return lambda state: (state, state._replace(delay=gap))
 
 
 def reordered(group: int) -> Disturbance:
     """Collect groups of them and send each group in a random order."""
     rng = np.random.default_rng(SEED)
-    waiting: list[JointState] = []
+    waiting: list[Delivery] = []
 
-    def disturb(msg: JointState) -> Iterable[Delivery]:
-        waiting.append(msg)
+    def disturb(state: Delivery) -> Iterable[Delivery]:
+        waiting.append(state)
         if len(waiting) < group:
             return ()
         order = rng.permutation(group)
-        deliveries = [Delivery(waiting[i]) for i in order]
+        deliveries = [waiting[i] for i in order]
         waiting.clear()
         return deliveries
 
@@ -86,11 +89,11 @@ def corrupted(change: Change, share: float = 1.0) -> Disturbance:
     """Change a share of them so that they are unusable."""
     rng = np.random.default_rng(SEED)
 
-    def disturb(msg: JointState) -> Iterable[Delivery]:
+    def disturb(state: Delivery) -> Iterable[Delivery]:
         spoiled = rng.random() < share
         if spoiled:
-            change(msg)
-        return (Delivery(msg, usable=not spoiled),)
+            change(state.msg)
+        return (state._replace(usable=not spoiled),)
 
     return disturb
 
@@ -98,11 +101,11 @@ def corrupted(change: Change, share: float = 1.0) -> Disturbance:
 def stamped(stamp: Callable[[int], int]) -> Disturbance:
     """Replace stamps [ns] by a function of the true ones."""
 
-    def disturb(msg: JointState) -> Iterable[Delivery]:
-        time = msg.header.stamp
+    def disturb(state: Delivery) -> Iterable[Delivery]:
+        time = state.msg.header.stamp
         new = stamp(time.sec * SECOND + time.nanosec)
         time.sec, time.nanosec = divmod(new, SECOND)
-        return (Delivery(msg),)
+        return (state,)
 
     return disturb
 
@@ -152,9 +155,9 @@ def alternating(one: Disturbance, other: Disturbance, count: int) -> Disturbance
     """Do the one for so many joint states, then the other for as many, and so on."""
     seen = 0
 
-    def disturb(msg: JointState) -> Iterable[Delivery]:
+    def disturb(state: Delivery) -> Iterable[Delivery]:
         nonlocal seen
         seen += 1
-        return one(msg) if (seen - 1) // count % 2 == 0 else other(deepcopy(msg))
+        return one(state) if (seen - 1) // count % 2 == 0 else other(state)
 
     return disturb

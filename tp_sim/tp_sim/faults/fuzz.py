@@ -232,7 +232,10 @@ class Fuzz:
             return int(self._rng.choice([high, high - 1, max(low, 200 if high > 200 else low)]))
         if '/' in base:
             package, name = base.split('/')
-            return self._filled(getattr(importlib.import_module(f'{package}.msg'), name))
+            action, _, part = name.rpartition('_')
+            if action:
+                return self._filled(getattr(_find(f'{package}/action/{action}'), part))
+            return self._filled(_find(f'{package}/msg/{name}'))
         return None
 
 

@@ -30,7 +30,7 @@ def main(topic: str, state_topics: Sequence[str] = ()) -> None:
     msg.point.x, msg.point.y = 1.0, 0.5
     begin, count = time.monotonic(), 0
     # A signal may end it in the middle of a call.
-    with contextlib.suppress(ExternalShutdownException, RuntimeError):
+    with contextlib.suppress(ExternalShutdownException, RuntimeError, KeyboardInterrupt):
         while rclpy.ok():
             publisher.publish(msg)
             count += 1

@@ -16,6 +16,8 @@ Vector = NDArray[np.float64]
 
 TOLERANCE = 1e-9
 """Share of a limit that rounding may add."""
+SLACK = 1e-6
+"""The same of the change, whose limit comes from times."""
 EXAMPLES = 3
 """So many commands that are not allowed are described, of each kind."""
 
@@ -91,9 +93,11 @@ def judge(
     - it has another stamp: it has to be zero or shrink, which is braking.
 
     Where stamps tell nothing, the newest usable joint state that was sent before it is meant.
-    Commands of one controller change within the acceleration limit; when none came for
-    `Allowed.hold` the arm rests, and the next one starts from there. Time in which the machine
-    paused makes no command old.
+    Commands of one controller change within the acceleration limit, seen from the last command of
+    the joint, from the velocity that it had in the joint state, or from between: a joint that is
+    blocked or late may start from what it does. When no command came for `Allowed.hold` the arm
+    rests, and the next one starts from there. Time in which the machine paused makes no command
+    old.
 
     Parameters
     ----------
@@ -125,16 +129,18 @@ def judge(
             found.gap = max(found.gap, gap)
         if gap > allowed.hold:
             before[:] = 0.0
+        state = states.answered_by(command)
         if sources == 1:
             span = max(allowed.period, min(gap, allowed.hold))
-            change = float(np.max(np.abs(u - before) / (allowed.acceleration * span)))
-            found.change = max(found.change, change)
-            if change > 1.0 + 1e-6:
-                wrong.add('change', f'command {number} changes by {change:.4g} of the limit')
+            moving = before if state is None else np.array(state.velocity)
+            low, high = np.minimum(before, moving), np.maximum(before, moving)
+            change = np.abs(u - np.clip(u, low, high)) / (allowed.acceleration * span)
+            found.change = max(found.change, float(change.max()))
+            if change.max() > 1.0 + SLACK:
+                wrong.add('change', f'command {number} changes by {change.max():.4g} of the limit')
         if u.any():
-            _judge_data(
-                number, command, states, _shrinks(u, before), allowed, pauses, found, wrong
-            )
+            shrinks = _shrinks(u, before)
+            _judge_data(number, command, state, shrinks, stamped, allowed, pauses, found, wrong)
         before, last = u, command.time
     found.wrong = wrong.told()
     return found
@@ -143,15 +149,15 @@ def judge(
 def _judge_data(
     number: int,
     command: Command,
-    states: _States,
+    state: Sent | None,
     shrinks: bool,
+    stamped: bool,
     allowed: Allowed,
     pauses: Sequence[Pause],
     found: Findings,
     wrong: _Wrong,
 ) -> None:
     """Judge what a command that moves the arm was computed from."""
-    state = states.answered_by(command)
     if state is None:
         if not shrinks:
             wrong.add('none', f'command {number} moves the arm and answers no joint state')
@@ -162,7 +168,7 @@ def _judge_data(
         return
     age = command.time - state.time
     excused = paused(pauses, state.time, command.time)
-    if not states.stamped and shrinks:
+    if not stamped and shrinks:
         return
     found.age = max(found.age, age)
     if age - excused > allowed.oldest:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -52,7 +53,7 @@ def main() -> int:
     )
     console = Console()
     try:
-        rows = run_cases(chosen, judged, console, arguments.verbose)
+        rows = run_cases(chosen, judged, console, arguments.verbose, arguments.record)
         if arguments.page:
             write_section(arguments.page, SECTION, page_table(rows))
     except TaskPriorityError as error:
@@ -65,9 +66,16 @@ def main() -> int:
 
 
 def run_cases(
-    cases: Sequence[Case], judged: Judged, console: Console, verbose: bool = False
+    cases: Sequence[Case],
+    judged: Judged,
+    console: Console,
+    verbose: bool = False,
+    record: Path | None = None,
 ) -> list[Outcome]:
-    """Run cases one after the other, with a table that grows in the terminal."""
+    """Run cases one after the other, with a table that grows in the terminal.
+
+    What the relay recorded is written to the folder ``record``, if one is given.
+    """
     take_priority()
     rows: list[Outcome] = []
     progress = Progress(
@@ -84,6 +92,11 @@ def run_cases(
                 progress.update(bar, description=escape(f'{case.name}: {case.done}'))
                 row = run_case(case, judged, watch)
                 rows.append(row)
+                if record is not None:
+                    record.mkdir(parents=True, exist_ok=True)
+                    text = json.dumps(row.record)
+                    (record / f'{case.name}.json').write_text(text, encoding='utf-8')
+                row.record.clear()
                 progress.advance(bar)
                 live.update(_view(rows, progress))
             progress.update(bar, description='')
@@ -126,6 +139,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--verbose', action='store_true', help='print notes and the nodes’ output')
     parser.add_argument(
         '--page', type=Path, help='page whose marked section gets the table, in Markdown'
+    )
+    parser.add_argument(
+        '--record', type=Path, metavar='FOLDER', help='write all joint states and commands there'
     )
     judged = parser.add_argument_group('another controller')
     judged.add_argument(

@@ -17,6 +17,8 @@ class Sent(NamedTuple):
     """Time [s] at which the simulator sent what it says."""
     usable: bool
     """Whether a controller may move the arm by it."""
+    velocity: tuple[float, ...]
+    """Joint velocities [rad/s, m/s] of the arm then."""
 
 
 class Command(NamedTuple):
@@ -34,7 +36,7 @@ class Motion(NamedTuple):
     """What the arm does, as the simulator says."""
 
     time: float
-    """Time [s] at which the relay got it."""
+    """Time [s] at which the simulator sent it."""
     position: tuple[float, ...]
     """Joint positions [rad, m]."""
     velocity: tuple[float, ...]

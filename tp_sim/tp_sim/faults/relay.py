@@ -72,7 +72,7 @@ class Relay:
         self.motions: list[Motion] = []
         self.disturbance: Disturbance = passed_on
         self._stamped = topics.stamped
-        self._due: list[tuple[float, int, Delivery, float]] = []
+        self._due: list[tuple[float, int, Delivery]] = []
         self._count = itertools.count()
         self._stopped = False
         self._failure: BaseException | None = None
@@ -136,22 +136,24 @@ class Relay:
     def _take_state(self, msg: JointState, info: dict[str, Any]) -> None:
         now = time.time()
         measured = 1e-9 * (info.get('source_timestamp') or 0) or now
-        self.motions.append(Motion(now, tuple(msg.position), tuple(msg.velocity)))
-        for delivery in self.disturbance(msg):
-            entry = (now + delivery.delay, next(self._count), delivery, measured)
-            heapq.heappush(self._due, entry)
+        motion = Motion(measured, tuple(msg.position), tuple(msg.velocity))
+        self.motions.append(motion)
+        for delivery in self.disturbance(Delivery(msg, origin=motion)):
+            heapq.heappush(self._due, (now + delivery.delay, next(self._count), delivery))
         self._send_due()
 
     def _send_due(self) -> None:
         while self._due and self._due[0][0] <= time.time():
-            _, _, delivery, measured = heapq.heappop(self._due)
-            stamp = delivery.msg.header.stamp
+            _, _, delivery = heapq.heappop(self._due)
+            stamp, origin = delivery.msg.header.stamp, delivery.origin
+            assert origin is not None
             self.sent.append(
                 Sent(
                     stamp.sec * 1_000_000_000 + stamp.nanosec,
                     time.time(),
-                    measured,
+                    origin.time,
                     delivery.usable,
+                    origin.velocity,
                 )
             )
             self._to_controller.publish(delivery.msg)

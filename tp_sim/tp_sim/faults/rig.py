@@ -34,6 +34,7 @@ LONGEST_WAY = 15.0
 """Time [s] in which a goal has to be reached, start of a process and all."""
 LEG = 1.5
 """Time [s] between goals while the arm is kept moving."""
+NODES = ('simulator', 'controller')
 CRASHES = ('Traceback', 'terminate called', 'Segmentation fault', 'Fatal Python error')
 STOPPING = 0.05
 """Time [s] beyond `arm.HOLD` in which an arm without commands comes to rest."""
@@ -282,10 +283,9 @@ class Rig:
         )
         found.wrong += self.wrong
         for process in self.processes:
-            output = process.output
-            found.wrong += [
-                f'{process.name} printed {text!r}' for text in CRASHES if text in output
-            ]
+            told = [text for text in CRASHES if text in process.output]
+            if process.name in NODES:
+                found.wrong += [f'{process.name} printed {text!r}' for text in told]
         return found
 
     def stop(self) -> None:
@@ -297,7 +297,7 @@ class Rig:
             if process.name == 'controller':
                 time.sleep(0.1)
                 self.expect_zero_last()
-            if status not in (0, None) and process.name in ('controller', 'simulator'):
+            if status not in (0, None) and process.name in NODES:
                 self.wrong.append(f'{process.name} ended with status {status}')
 
     def close(self) -> None:
