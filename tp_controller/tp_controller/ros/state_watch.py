@@ -23,8 +23,7 @@ AGREE = 0.005
 BACK = 5
 """So many states in a row with stamps before the newest one: their clock was set back."""
 LEAP = 2.0
-"""Stamps that gain so much [s] on the other clocks from one state to the next were set; the time of
-a simulation does not jump so far."""
+"""Stamps that gain so much [s] on the other clocks from one state to the next were set."""
 CONSTANT = 3
 """So many states in a row that changed, but not their stamp: the stamp says nothing."""
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tp_sim.faults.judge import Allowed
+from tp_sim.faults.judge import STILL, Allowed
 
 JOINTS = ('joint_1', 'joint_2', 'joint_3')
 LENGTHS = (0.75, 0.5, 0.5)
@@ -68,6 +68,11 @@ def allowed(rate: float = RATE) -> Allowed:
     return Allowed(
         np.full(3, SPEED), np.full(3, ACCELERATION), 1.0 / rate, oldest=OLDEST, hold=HOLD
     )
+
+
+def moves(velocity: Sequence[float]) -> bool:
+    """Whether a joint velocity (3,) [rad/s] is more than rounding."""
+    return bool(np.max(np.abs(velocity)) > STILL * SPEED)
 
 
 def end_position(q: Sequence[float]) -> np.ndarray:

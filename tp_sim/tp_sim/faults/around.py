@@ -13,7 +13,7 @@ from pathlib import Path
 from tp_sim.faults import arm
 from tp_sim.faults.case import Case
 from tp_sim.faults.fuzz import Fuzz
-from tp_sim.faults.relay import Topics
+from tp_sim.faults.relay import PLANT_COMMANDS, PLANT_STATES
 from tp_sim.faults.rig import Rig
 
 START = 10.0
@@ -37,22 +37,16 @@ def controller_elsewhere(rig: Rig) -> None:
     folder.mkdir()
     topics = rig.judged.topics
     rig.controller = rig.start_controller(
-        '-r',
-        f'__ns:=/{ELSEWHERE}',
-        *_absolute(topics),
-        folder=folder,
+        *_in_namespace(ELSEWHERE, topics.states, topics.commands), folder=folder
     )
     rig.move_goal_topic(f'/{ELSEWHERE}/{topics.goals.lstrip("/")}')
     rig.recover()
 
 
-def _absolute(topics: Topics) -> list[str]:
-    """Remaps that keep the names outside of a namespace."""
-    return [
-        argument
-        for name in (topics.states, topics.commands)
-        for argument in ('-r', f'{name}:=/{name.lstrip("/")}')
-    ]
+def _in_namespace(namespace: str, *topics: str) -> list[str]:
+    """ROS arguments for a node in a namespace whose topics are not."""
+    remaps = [f'{name}:=/{name.lstrip("/")}' for name in topics]
+    return [argument for rule in (f'__ns:=/{namespace}', *remaps) for argument in ('-r', rule)]
 
 
 def _kill_controller(rig: Rig) -> None:
@@ -145,7 +139,7 @@ def fuzz_states(rig: Rig) -> None:
         if topic != states
     ]  # fmt: skip
     rig.next_goal()
-    found.messages(2000, tuple(others))
+    found.messages(2000, tuple(others), together=4)
     rig.notes.append(f'{found.counts["messages"]} messages, {found.counts["bytes"]} as bytes')
     rig.recover()
 
@@ -225,8 +219,9 @@ def _expect_no_save(rig: Rig, disk: Path) -> None:
 
 def two_controllers(rig: Rig) -> None:
     """Run a second controller on the same topics for 4 s."""
-    rig.sources = 2
-    other = rig.start_controller('-r', '__node:=second')
+    rig.mixed = True
+    topics = rig.judged.topics
+    other = rig.start_controller(*_in_namespace('second', topics.states, topics.commands))
     rig.wait_for(lambda: rig.relay.listeners > 1, 'the second controller')
     rig.move(4.0)
     other.stop()
@@ -235,7 +230,10 @@ def two_controllers(rig: Rig) -> None:
 
 def two_simulators(rig: Rig) -> None:
     """Run a second simulator, whose arm is elsewhere, on the same topics for 4 s."""
-    other = rig.start_simulator(arm.ELSEWHERE, '-r', '__node:=second')
+    rig.mixed = True
+    other = rig.start_simulator(
+        arm.ELSEWHERE, *_in_namespace('second', PLANT_STATES, PLANT_COMMANDS)
+    )
     rig.move(4.0)
     other.stop()
     rig.recover()

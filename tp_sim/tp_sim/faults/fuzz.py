@@ -36,8 +36,8 @@ TEXTS = (
 NUMBERS = (math.nan, math.inf, -math.inf)
 NOT_FUZZED = ('std_srvs/srv/', 'lifecycle_msgs/srv/Get', 'rcl_interfaces/srv/', 'rosgraph_msgs')
 QUIET = ('/parameter_events', '/clock', '/rosout')
-AT_ONCE = 16
-"""So many calls wait for their answers."""
+AT_ONCE = 8
+"""So many calls wait for their answers; a service keeps ten."""
 PER_CALL = 20
 """Parameters of one call."""
 
@@ -74,8 +74,18 @@ class Fuzz:
         """Everything that was sent."""
         return sum(self.counts.values())
 
-    def messages(self, count: int, left_out: tuple[str, ...] = ()) -> None:
-        """Send malformed messages to all topics that the node listens to, a third as bytes."""
+    def messages(self, count: int, left_out: tuple[str, ...] = (), together: int = 20) -> None:
+        """Send malformed messages to all topics that the node listens to, a third as bytes.
+
+        Parameters
+        ----------
+        count
+            How many.
+        left_out
+            Topics that get none.
+        together
+            How many are sent at once, before a pause of 10 ms.
+        """
         node = self._client.node
         name, namespace = _split(self._node)
         topics = node.get_subscriber_names_and_types_by_node(name, namespace)
@@ -93,7 +103,7 @@ class Fuzz:
             else:
                 publisher.publish(self._filled(publisher.msg_type))
                 self.counts['messages'] += 1
-            if number % 20 == 0:
+            if number % together == 0:
                 self._client.spin_for(0.01)
         for publisher in publishers:
             node.destroy_publisher(publisher)

@@ -18,6 +18,8 @@ TOLERANCE = 1e-9
 """Share of a limit that rounding may add."""
 SLACK = 1e-6
 """The same of the change, whose limit comes from times."""
+STILL = 1e-6
+"""A command below this share of the velocity limit moves nothing."""
 EXAMPLES = 3
 """So many commands that are not allowed are described, of each kind."""
 
@@ -82,7 +84,7 @@ def judge(
     *,
     pauses: Sequence[Pause] = (),
     stamped: bool = True,
-    sources: int = 1,
+    mixed: bool = False,
 ) -> Findings:
     """Judge all commands of a case.
 
@@ -109,8 +111,8 @@ def judge(
         When the machine paused.
     stamped
         Whether stamps of joint states and commands belong together.
-    sources
-        How many controllers sent commands; changes of mixed ones are not judged.
+    mixed
+        Whether there were several controllers or arms; changes of commands are not judged then.
     """
     found, wrong = Findings(len(commands)), _Wrong()
     states = _States(sent, stamped)
@@ -130,7 +132,7 @@ def judge(
         if gap > allowed.hold:
             before[:] = 0.0
         state = states.answered_by(command)
-        if sources == 1:
+        if not mixed:
             span = max(allowed.period, min(gap, allowed.hold))
             moving = before if state is None else np.array(state.velocity)
             low, high = np.minimum(before, moving), np.maximum(before, moving)
@@ -138,7 +140,7 @@ def judge(
             found.change = max(found.change, float(change.max()))
             if change.max() > 1.0 + SLACK:
                 wrong.add('change', f'command {number} changes by {change.max():.4g} of the limit')
-        if u.any():
+        if share > STILL:
             shrinks = _shrinks(u, before)
             _judge_data(number, command, state, shrinks, stamped, allowed, pauses, found, wrong)
         before, last = u, command.time

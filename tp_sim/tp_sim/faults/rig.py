@@ -32,6 +32,10 @@ REACHED = 0.01
 """Distance [m] from a goal that counts as reached."""
 LONGEST_WAY = 15.0
 """Time [s] in which a goal has to be reached, start of a process and all."""
+LONGEST_START = 30.0
+"""Time [s] in which the arm has to move, start of a process and all."""
+AGAIN = 0.2
+"""Time [s] after which a goal is sent again until the arm moves."""
 LEG = 1.5
 """Time [s] between goals while the arm is kept moving."""
 NODES = ('simulator', 'controller')
@@ -112,8 +116,8 @@ class Rig:
         self.processes: list[Process] = []
         self.stamped = judged.topics.stamped
         """Whether stamps tell which joint state a command answers."""
-        self.sources = 1
-        """How many controllers send commands."""
+        self.mixed = False
+        """Whether there are several controllers or arms: changes of commands tell nothing then."""
         self.recovery = self.way = float('nan')
         """Times [s] until the arm moved again, and until it was at its goal."""
         self.wrong: list[str] = []
@@ -210,11 +214,13 @@ class Rig:
     def next_goal(self) -> np.ndarray:
         """Send the next goal; return its position [m]."""
         self._goal = (self._goal + 1) % len(arm.GOALS)
-        x, y = arm.GOALS[self._goal]
+        self._send_goal()
+        return np.array(arm.GOALS[self._goal])
+
+    def _send_goal(self) -> None:
         msg = PointStamped()
-        msg.point.x, msg.point.y = x, y
+        msg.point.x, msg.point.y = arm.GOALS[self._goal]
         self.client.publish(self._goal_topic, msg)
-        return np.array([x, y])
 
     def move(self, seconds: float) -> None:
         """Keep the arm moving for a time [s], from goal to goal."""
@@ -236,9 +242,13 @@ class Rig:
         begin = time.time()
         count, goal = len(self.relay.commands), self.next_goal()
         try:
-            self.wait_for(lambda: self._first_move(count, begin) is not None, 'motion')
-            first = self._first_move(count, begin)
-            assert first is not None
+            end = time.monotonic() + LONGEST_START
+            while (first := self._first_move(count, begin)) is None:
+                if time.monotonic() > end:
+                    raise HarnessError(f'no motion in {LONGEST_START:g} s')
+                # A goal may have gone to a node that was killed.
+                self._send_goal()
+                self.client.spin_for(AGAIN)
             self.recovery = max(0.0, first.time - begin)
             self.wait_for(lambda: self.distance(goal) < REACHED, 'the goal', longest_wait)
             self.way = time.time() - begin
@@ -247,7 +257,7 @@ class Rig:
 
     def _first_move(self, count: int, begin: float) -> Command | None:
         for command in self.relay.commands[count:]:
-            if command.time > begin and any(command.velocity):
+            if command.time > begin and arm.moves(command.velocity):
                 return command
         return None
 
@@ -261,7 +271,7 @@ class Rig:
         for motion in reversed(self.relay.motions):
             if motion.time < limit:
                 break
-            if any(motion.velocity):
+            if arm.moves(motion.velocity):
                 late = motion.time - since
                 self.wrong.append(f'the arm still moves {late:.3g} s after the last command')
                 break
@@ -279,7 +289,7 @@ class Rig:
             arm.allowed(self.rate),
             pauses=self.watch.pauses(begin),
             stamped=self.stamped,
-            sources=self.sources,
+            mixed=self.mixed,
         )
         found.wrong += self.wrong
         for process in self.processes:
