@@ -13,7 +13,6 @@ from pathlib import Path
 from tp_sim.faults import arm
 from tp_sim.faults.case import Case
 from tp_sim.faults.fuzz import Fuzz
-from tp_sim.faults.relay import PLANT_COMMANDS, PLANT_STATES
 from tp_sim.faults.rig import Rig
 
 START = 10.0
@@ -231,9 +230,7 @@ def two_controllers(rig: Rig) -> None:
 def two_simulators(rig: Rig) -> None:
     """Run a second simulator, whose arm is elsewhere, on the same topics for 4 s."""
     rig.mixed = True
-    other = rig.start_simulator(
-        arm.ELSEWHERE, *_in_namespace('second', PLANT_STATES, PLANT_COMMANDS)
-    )
+    other = rig.start_simulator(arm.ELSEWHERE, *_in_namespace('second'), root='/')
     rig.move(4.0)
     other.stop()
     rig.recover()

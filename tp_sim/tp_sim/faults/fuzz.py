@@ -21,7 +21,7 @@ from tp_sim.harness import Client
 
 TEXTS = (
     '',
-    ' ',
+    '?',
     'no_such_thing',
     '/' * 300,
     'a' * 10_000,
@@ -180,7 +180,10 @@ class Fuzz:
             lambda: ParameterValue(
                 type=ParameterType.PARAMETER_BYTE_ARRAY, byte_array_value=[b'\x00', b'\xff']
             ),
-            lambda: ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=self._text()),
+            # An empty text may be meant: an empty list of one.
+            lambda: ParameterValue(
+                type=ParameterType.PARAMETER_STRING, string_value=self._text() or TEXTS[2]
+            ),
             lambda: ParameterValue(
                 type=ParameterType.PARAMETER_STRING_ARRAY,
                 string_array_value=['none'] * 50,

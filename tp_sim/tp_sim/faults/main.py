@@ -24,6 +24,8 @@ from tp_sim.faults.table import CASES
 
 FAILED, REFUSED, INTERRUPTED = 1, 2, 130
 SECTION = 'faults'
+LINES = 100
+"""So many lines of what the nodes of a case printed are shown at most."""
 
 
 def main() -> int:
@@ -106,7 +108,7 @@ def run_cases(
         for text in (*row.found.wrong, *(row.notes if verbose else ())):
             console.print(escape(f'{row.case.name}: {text}'), soft_wrap=True)
         if row.printed and (verbose or not row.passed):
-            console.print(escape(row.printed), soft_wrap=True)
+            console.print(escape('\n'.join(row.printed.splitlines()[-LINES:])), soft_wrap=True)
     console.print(f'{sum(row.passed for row in rows)} of {len(rows)} cases passed')
     return rows
 

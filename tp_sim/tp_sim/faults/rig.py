@@ -133,8 +133,10 @@ class Rig:
 
     # Processes
 
-    def start_simulator(self, start: Sequence[float] = arm.START, *more: str) -> Process:
-        """Start a simulator behind the relay."""
+    def start_simulator(
+        self, start: Sequence[float] = arm.START, *more: str, root: str = ''
+    ) -> Process:
+        """Start a simulator behind the relay, whose topics it finds under a root."""
         parameters = self.parameters
         if tuple(start) != arm.START:
             parameters = self.folder / 'elsewhere.yaml'
@@ -145,7 +147,7 @@ class Rig:
             ('joint_states', PLANT_STATES),
             ('joint_velocity_command', PLANT_COMMANDS),
         ):
-            command += ['-r', f'{own}:={plant}']
+            command += ['-r', f'{own}:={root}{plant}']
         return self._start('simulator', [*command, *more])
 
     def start_controller(
