@@ -292,7 +292,10 @@ class Arm:
         else:
             credible = self._believe(q, passed, before, qd)
             if credible:
+                self._asked[:] = before
                 self._correct(q, passed, before)
+                # What it does was found already; from the new position it has not moved.
+                before[:] = self._asked
         self._refer()
         return credible
 

@@ -236,7 +236,8 @@ class Cycle:
         if command is not None:
             self._commands.prepare(command, arrival.msg.stamp)
         # Before the first command the arm is at rest, and much is loaded that is slow.
-        if not again and self._age(arrival) > self._oldest() and state.cycles:
+        oldest = self._oldest() if state.cycles else self._limit
+        if not again and self._age(arrival) > oldest:
             self._stack.undo()
             self._too_late(arrival, passed, step_time)
             return False
@@ -349,7 +350,10 @@ class Cycle:
 
         Infinite for the first state.
         """
-        return min(self._watch.elapsed(arrival), max(0.0, arrival.taken - self._braked))
+        elapsed = self._watch.elapsed(arrival)
+        if self._braked > self._moved:
+            return min(elapsed, max(0.0, arrival.taken - self._braked))
+        return elapsed
 
     def _note_oscillation(self, elapsed: float) -> None:
         """Tell of joints that reverse again and again, and that they do no longer."""

@@ -16,11 +16,11 @@ ELSEWHERE = (1.2, -0.9, 0.8)
 GOALS = ((0.3, 1.2), (1.0, 0.5), (0.2, -1.1))
 """Positions of the end [m]; from each to the next one the arm moves at full speed."""
 RATE, SPEED, ACCELERATION = 200.0, 1.0, 4.0
-OLDEST, HOLD = 0.1, 0.2
+OLDEST, HOLD = 0.1, 0.3
 """``timeouts.joint_state`` and ``command_timeout`` [s].
 
-The driver waits longer than the controller: else the arm would stop at once, and then move on with
-the commands of braking.
+The driver waits longer than the controller, and than the arm needs to brake: else the arm would stop
+at once, and then move on with the commands of braking.
 """
 
 

@@ -260,11 +260,8 @@ def namespaces(rig: Rig) -> None:
             robot.recover()
             robot.stop()
             found = robot.findings(begin)
-            rig.wrong += [f'{robot.namespace}: {text}' for text in found.wrong]
-            rig.notes.append(
-                f'{robot.namespace}: speed {found.speed:.3f}, change {found.change:.3f}, '
-                f'age {1e3 * found.age:.0f} ms'
-            )
+            found.wrong = [f'{robot.namespace}: {text}' for text in found.wrong]
+            rig.others.append(found)
         rig.recovery = max(robot.recovery for robot in robots)
         rig.way = max(robot.way for robot in robots)
     finally:

@@ -76,6 +76,13 @@ class Findings:
     gap: float = 0.0
     wrong: list[str] = field(default_factory=list)
 
+    def include(self, other: Findings) -> None:
+        """Take over what was seen of other commands."""
+        self.commands += other.commands
+        for name in ('speed', 'change', 'age', 'gap'):
+            setattr(self, name, max(getattr(self, name), getattr(other, name)))
+        self.wrong += other.wrong
+
 
 def judge(
     sent: Sequence[Sent],
@@ -112,7 +119,8 @@ def judge(
     stamped
         Whether stamps of joint states and commands belong together.
     mixed
-        Whether there were several controllers or arms; changes of commands are not judged then.
+        Whether there were several controllers or arms: changes of commands and braking are not
+        judged then.
     """
     found, wrong = Findings(len(commands)), _Wrong()
     states = _States(sent, stamped)
@@ -142,7 +150,8 @@ def judge(
                 wrong.add('change', f'command {number} changes by {change.max():.4g} of the limit')
         if share > STILL:
             shrinks = _shrinks(u, before)
-            _judge_data(number, command, state, shrinks, stamped, allowed, pauses, found, wrong)
+            ways = (shrinks, mixed, stamped)
+            _judge_data(number, command, state, ways, allowed, pauses, found, wrong)
         before, last = u, command.time
     found.wrong = wrong.told()
     return found
@@ -152,16 +161,19 @@ def _judge_data(
     number: int,
     command: Command,
     state: Sent | None,
-    shrinks: bool,
-    stamped: bool,
+    ways: tuple[bool, bool, bool],
     allowed: Allowed,
     pauses: Sequence[Pause],
     found: Findings,
     wrong: _Wrong,
 ) -> None:
-    """Judge what a command that moves the arm was computed from."""
+    """Judge what a command that moves the arm was computed from.
+
+    ``ways``: whether it shrinks, whether controllers are mixed, whether stamps tell anything.
+    """
+    shrinks, mixed, stamped = ways
     if state is None:
-        if not shrinks:
+        if not (shrinks or mixed):
             wrong.add('none', f'command {number} moves the arm and answers no joint state')
         return
     if not state.usable:

@@ -122,6 +122,8 @@ class Rig:
         """Times [s] until the arm moved again, and until it was at its goal."""
         self.wrong: list[str] = []
         """What was not allowed, beside the commands."""
+        self.others: list[Findings] = []
+        """What was seen of the commands of other robots of the case."""
         self.notes: list[str] = []
         """What is worth telling."""
         self._goal = 0
@@ -293,6 +295,8 @@ class Rig:
             stamped=self.stamped,
             mixed=self.mixed,
         )
+        for other in self.others:
+            found.include(other)
         found.wrong += self.wrong
         for process in self.processes:
             told = [text for text in CRASHES if text in process.output]

@@ -89,7 +89,12 @@ CASES: tuple[Case, ...] = (
     _case('stop_5s', 'joint states stop for 5 s', _stopping(5.0, 1), BRAKING),
     _case('lost_10', '10 % of the joint states lost', _disturbed(lambda: lost(0.1))),
     _case('lost_50', '50 % of the joint states lost', _disturbed(lambda: lost(0.5))),
-    _case('late_20ms', 'joint states 20 ms late', _disturbed(lambda: late(0.02))),
+    _case(
+        'late_20ms',
+        'joint states 20 ms late',
+        _disturbed(lambda: late(0.02)),
+        'braking while they are later than 20 ms',
+    ),
     _case(
         'late_100ms',
         'joint states 100 ms late',
