@@ -19,8 +19,8 @@ RATE, SPEED, ACCELERATION = 200.0, 1.0, 4.0
 OLDEST, HOLD = 0.1, 0.3
 """``timeouts.joint_state`` and ``command_timeout`` [s].
 
-The driver waits longer than the controller, and than the arm needs to brake: else the arm would stop
-at once, and then move on with the commands of braking.
+The driver waits longer than the controller, and than the arm needs to brake: else the arm would
+stop at once, and then move on with the commands of braking.
 """
 
 
