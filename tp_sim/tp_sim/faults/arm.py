@@ -13,7 +13,7 @@ JOINTS = ('joint_1', 'joint_2', 'joint_3')
 LENGTHS = (0.75, 0.5, 0.5)
 START = (0.0, 0.6, 0.3)
 ELSEWHERE = (1.2, -0.9, 0.8)
-GOALS = ((0.3, 1.2), (1.0, 0.5), (0.2, -1.1))
+GOALS = ((0.3, 1.2), (1.0, 0.5), (1.1, -0.6))
 """Positions of the end [m]; from each to the next one the arm moves at full speed."""
 RATE, SPEED, ACCELERATION = 200.0, 1.0, 4.0
 OLDEST, HOLD = 0.1, 0.3
