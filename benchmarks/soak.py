@@ -16,6 +16,7 @@ from rclpy.context import Context
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.qos import QoSProfile
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import Progress
 from rich.table import Table
 from sensor_msgs.msg import JointState
@@ -44,16 +45,17 @@ PAGE = 'docs/faults.md'
 SECTION = 'soak'
 
 
-class Waiting:
-    """Time that the threads of a process have waited for a processor."""
+class Threads:
+    """Times that the threads of a process have run, and have waited for a processor."""
 
     def __init__(self, pid: int) -> None:
         self._files = [
             os.open(path, os.O_RDONLY) for path in Path(f'/proc/{pid}/task').glob('*/schedstat')
         ]
 
-    def seconds(self) -> float:
-        return 1e-9 * sum(int(os.pread(file, 100, 0).split()[1]) for file in self._files)
+    def seconds(self) -> tuple[float, float]:
+        found = [os.pread(file, 100, 0).split() for file in self._files]
+        return 1e-9 * sum(int(f[0]) for f in found), 1e-9 * sum(int(f[1]) for f in found)
 
 
 class Listener:
@@ -74,7 +76,8 @@ class Listener:
         self._goals = self.node.create_publisher(PointStamped, 'tp_controller/ee_position/goal', 1)
         self._wait_set = rclpy_implementation.WaitSet(2, 0, 0, 0, 0, 0, self._context.handle)
         self.stamps, self.answers = array('q'), array('q')
-        self.sent, self.answered, self.waited = array('d'), array('d'), array('d')
+        self.sent, self.answered = array('d'), array('d')
+        self.waited, self.ran = array('d'), array('d')
         self.lost = 0
         self._numbers: list[int | None] = [None, None]
         self._goal = 0
@@ -85,7 +88,7 @@ class Listener:
         msg.point.x, msg.point.y = arm.GOALS[self._goal]
         self._goals.publish(msg)
 
-    def listen(self, seconds: float, waiting: Waiting) -> None:
+    def listen(self, seconds: float, controller: Threads, simulator: Threads) -> None:
         """Record everything that comes in a time [s]."""
         end = time.monotonic() + seconds
         states, commands = map(taker, self._subscriptions)
@@ -98,7 +101,9 @@ class Listener:
                 self._note(0, *found, self.stamps, self.sent)
             while (found := commands()) is not None:
                 self._note(1, *found, self.answers, self.answered)
-                self.waited.append(waiting.seconds())
+                ran, waited = controller.seconds()
+                self.waited.append(waited + simulator.seconds()[1])
+                self.ran.append(ran)
 
     def _note(self, index, msg, info, stamps, times) -> None:
         stamp = msg.header.stamp
@@ -111,15 +116,15 @@ class Listener:
 
     def forget(self) -> None:
         """Begin to record anew."""
-        for values in (self.stamps, self.sent, self.answers, self.answered, self.waited):
+        for values in self._all():
             del values[:]
         self.lost = 0
 
     def times(self) -> Times:
-        return Times(
-            *(np.array(v) for v in (self.stamps, self.sent, self.answers, self.answered)),
-            np.array(self.waited),
-        )
+        return Times(*map(np.array, self._all()))
+
+    def _all(self) -> tuple[array, ...]:
+        return self.stamps, self.sent, self.answers, self.answered, self.waited, self.ran
 
     def close(self) -> None:
         self.node.destroy_node()
@@ -141,9 +146,9 @@ def run(minutes: float, page: Path | None) -> bool:
     memory: list[list[float]] = []
     try:
         time.sleep(WARM_UP)
-        waiting = Waiting(nodes[0].pid)
+        threads = [Threads(node.pid) for node in nodes]
         listener.send_goal()
-        listener.listen(WARM_UP, waiting)
+        listener.listen(WARM_UP, *threads)
         listener.forget()
         begin = time.time()
         with Progress() as progress:
@@ -151,7 +156,7 @@ def run(minutes: float, page: Path | None) -> bool:
             while (passed := time.time() - begin) < 60.0 * minutes:
                 progress.update(bar, completed=passed)
                 listener.send_goal()
-                listener.listen(GOAL, waiting)
+                listener.listen(GOAL, *threads)
                 if len(memory) <= passed / LOOK:
                     memory.append([p.resident_memory / MEGABYTE for p in nodes])
     finally:
@@ -167,7 +172,7 @@ def run(minutes: float, page: Path | None) -> bool:
     rows += [
         ('longest pause of a bare timer process [ms]', f'{1e3 * longest(pauses):.1f}'),
         ('its pauses above 2 ms', f'{len(pauses):,}'),
-        ('time that the controller waited for a processor', _share(times)),
+        ('time that both nodes waited for a processor', _share(times)),
         ('messages that the listener lost', f'{listener.lost}'),
         ('load of the machine', f'{os.getloadavg()[1]:.1f} on {os.cpu_count()} cores'),
     ]
@@ -175,7 +180,7 @@ def run(minutes: float, page: Path | None) -> bool:
     table.add_column('')
     table.add_column('', justify='right')
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(escape, row))
     Console(width=100).print(table)
     if page is not None:
         lines = [f'| {minutes:g} minutes at {RATE:g} Hz | |', '|---|---:|']

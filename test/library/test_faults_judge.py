@@ -10,7 +10,16 @@ from tp_controller.errors import InvalidValue
 from tp_sim.faults import disturbances
 from tp_sim.faults.disturbances import Delivery
 from tp_sim.faults.judge import Allowed, judge
-from tp_sim.faults.missed import MACHINE, OVERRUN, SIMULATOR, UNEXPLAINED, Times, ages, missed
+from tp_sim.faults.missed import (
+    MACHINE,
+    OVERRUN,
+    SIMULATOR,
+    UNEXPLAINED,
+    WORK,
+    Times,
+    ages,
+    missed,
+)
 from tp_sim.faults.record import Command, Pause, Sent
 from tp_sim.faults.report import write_section
 
@@ -151,7 +160,7 @@ def test_spoiled_joint_states_are_known_as_such(change):
         assert delivery.usable == as_it_was
 
 
-def times(sent, answered, waited=None):
+def times(sent, answered, waited=None, ran=None):
     """Joint states sent at times [ms], and (number, time) of commands."""
     numbers, when = zip(*answered, strict=True)
     return Times(
@@ -160,6 +169,7 @@ def times(sent, answered, waited=None):
         np.array(numbers),
         1e-3 * np.array(when),
         np.zeros(len(when)) if waited is None else np.array(waited),
+        np.zeros(len(when)) if ran is None else np.array(ran),
     )
 
 
@@ -171,6 +181,7 @@ def times(sent, answered, waited=None):
         (times([0, 2, 4, 6], [(0, 4.1), (2, 4.5), (3, 6.5)]), [], OVERRUN),
         (times([0, 2, 4, 6], [(0, 0.5), (2, 4.5), (3, 6.5)]), [Pause(0.003, 0.004)], MACHINE),
         (times([0, 2, 4, 6], [(0, 0.5), (2, 4.5), (3, 6.5)], [0, 0.001, 0.001]), [], MACHINE),
+        (times([0, 2, 4, 6], [(0, 0.5), (2, 4.5), (3, 6.5)], None, [0, 0.003, 0.004]), [], WORK),
     ],
 )
 def test_a_missed_command_has_its_cause(given, pauses, cause):

@@ -13,9 +13,10 @@ from tp_sim.faults.record import Pause, paused
 
 Vector = NDArray[np.float64]
 
-MACHINE = 'the machine did not run the controller'
+MACHINE = 'the machine did not run the nodes'
 SIMULATOR = 'the simulator was late, the next joint state came at once'
 OVERRUN = 'the command before was late'
+WORK = 'the controller did other work'
 UNEXPLAINED = 'not explained'
 SHARE = 0.25
 """Share of a period that explains a missed command."""
@@ -31,7 +32,9 @@ class Times(NamedTuple):
     answers, answered
         Stamp [ns] of the joint state that each command answers, and when that was sent [s] (k,).
     waited
-        Time [s] that the controller's threads had spent waiting for a processor by then (k,).
+        Time [s] that the threads of both nodes had spent waiting for a processor by then (k,).
+    ran
+        Time [s] that the controller's threads had run by then (k,).
     """
 
     stamps: NDArray[np.int64]
@@ -39,6 +42,7 @@ class Times(NamedTuple):
     answers: NDArray[np.int64]
     answered: Vector
     waited: Vector
+    ran: Vector
 
 
 def ages(times: Times) -> tuple[Vector, Vector]:
@@ -52,9 +56,10 @@ def ages(times: Times) -> tuple[Vector, Vector]:
 def missed(times: Times, period: float, pauses: Sequence[Pause]) -> Counter[str]:
     """Count joint states without a command by cause, but for the last one.
 
-    The first cause that fits counts: the machine did not run the timer process or the controller
-    for a quarter of a period or more; the next joint state came sooner than half a period after
-    it; the command before was sent later than a period after its joint state.
+    The first cause that fits counts: the machine did not run the timer process or the nodes for a
+    quarter of a period or more; the next joint state came sooner than half a period after it; the
+    command before was sent later than a period after its joint state; the controller ran for more
+    than a period between the commands around it.
 
     Parameters
     ----------
@@ -89,4 +94,6 @@ def _cause(
         place = int(np.searchsorted(times.stamps, times.answers[before]))
         if times.answered[before] - times.sent[place] > period:
             return OVERRUN
+    if last > first and times.ran[last] - times.ran[first] > period:
+        return WORK
     return UNEXPLAINED
