@@ -77,7 +77,7 @@ class Listener:
         self._wait_set = rclpy_implementation.WaitSet(2, 0, 0, 0, 0, 0, self._context.handle)
         self.stamps, self.answers = array('q'), array('q')
         self.sent, self.answered = array('d'), array('d')
-        self.waited, self.ran = array('d'), array('d')
+        self.noted, self.waited, self.ran = array('d'), array('d'), array('d')
         self.lost = 0
         self._numbers: list[int | None] = [None, None]
         self._goal = 0
@@ -101,6 +101,7 @@ class Listener:
                 self._note(0, *found, self.stamps, self.sent)
             while (found := commands()) is not None:
                 self._note(1, *found, self.answers, self.answered)
+                self.noted.append(time.time())
                 ran, waited = controller.seconds()
                 self.waited.append(waited + simulator.seconds()[1])
                 self.ran.append(ran)
@@ -124,7 +125,8 @@ class Listener:
         return Times(*map(np.array, self._all()))
 
     def _all(self) -> tuple[array, ...]:
-        return self.stamps, self.sent, self.answers, self.answered, self.waited, self.ran
+        commands = self.answers, self.answered, self.noted, self.waited, self.ran
+        return self.stamps, self.sent, *commands
 
     def close(self) -> None:
         self.node.destroy_node()

@@ -168,6 +168,7 @@ def times(sent, answered, waited=None, ran=None):
         1e-3 * np.array(sent, dtype=float),
         np.array(numbers),
         1e-3 * np.array(when),
+        1e-3 * np.array(when),
         np.zeros(len(when)) if waited is None else np.array(waited),
         np.zeros(len(when)) if ran is None else np.array(ran),
     )

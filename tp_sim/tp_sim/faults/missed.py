@@ -31,6 +31,8 @@ class Times(NamedTuple):
         Stamp [ns] and time of sending [s] of each joint state (m,).
     answers, answered
         Stamp [ns] of the joint state that each command answers, and when that was sent [s] (k,).
+    noted
+        When the listener took each command and looked at the following [s] (k,).
     waited
         Time [s] that the threads of both nodes had spent waiting for a processor by then (k,).
     ran
@@ -41,6 +43,7 @@ class Times(NamedTuple):
     sent: Vector
     answers: NDArray[np.int64]
     answered: Vector
+    noted: Vector
     waited: Vector
     ran: Vector
 
@@ -82,8 +85,8 @@ def _cause(
     times: Times, k: int, begin: float, end: float, period: float, pauses: Sequence[Pause]
 ) -> str:
     near = [pause for pause in pauses if pause.end > begin and pause.begin < end]
-    first, last = np.searchsorted(times.answered, (begin, end))
-    first, last = max(int(first) - 1, 0), min(int(last), times.answered.size - 1)
+    first, last = np.searchsorted(times.noted, (begin, end))
+    first, last = max(int(first) - 1, 0), min(int(last), times.noted.size - 1)
     waited = times.waited[last] - times.waited[first] if last > first else 0.0
     if max(paused(near, begin, end), waited) > SHARE * period:
         return MACHINE
