@@ -8,8 +8,9 @@ from sensor_msgs.msg import JointState
 
 from tp_controller.errors import InvalidValue
 from tp_sim.faults import disturbances
+from tp_sim.faults.case import Case, Outcome
 from tp_sim.faults.disturbances import Delivery
-from tp_sim.faults.judge import Allowed, judge
+from tp_sim.faults.judge import Allowed, Findings, judge
 from tp_sim.faults.missed import (
     MACHINE,
     OVERRUN,
@@ -21,7 +22,7 @@ from tp_sim.faults.missed import (
     missed,
 )
 from tp_sim.faults.record import Command, Pause, Sent
-from tp_sim.faults.report import write_section
+from tp_sim.faults.report import page_table, write_section
 
 T = 0.01
 ALLOWED = Allowed(np.array([1.0, 2.0]), np.array([4.0, 8.0]), T, oldest=0.1, hold=0.2)
@@ -188,6 +189,21 @@ def times(sent, answered, waited=None, ran=None):
 def test_a_missed_command_has_its_cause(given, pauses, cause):
     assert missed(given, 0.002, pauses) == {cause: 1}
     assert ages(given)[1].max() <= 0.0041
+
+
+def outcome(name, wrong=()):
+    case = Case(name, f'what {name} does', lambda rig: None)
+    return Outcome(case, Findings(1, 1.0, wrong=list(wrong)))
+
+
+def test_lines_of_cases_that_were_not_run_stay_on_the_page():
+    before = page_table([outcome('a'), outcome('b', ['too fast']), outcome('c', ['too old'])])
+    assert '1 of 3 passed' in before
+    after = page_table([outcome('b')], before)
+    assert [line.split('`')[1] for line in after.splitlines() if line[:3] == '| `'] == list('abc')
+    assert '2 of 3 passed' in after
+    assert '- `c`: too old' in after
+    assert 'too fast' not in after
 
 
 def test_a_page_gets_its_section_anew(tmp_path):

@@ -18,7 +18,7 @@ from tp_controller.errors import TaskPriorityError
 from tp_sim.faults.case import Case, Outcome, run_case
 from tp_sim.faults.pauses import PauseWatch, take_priority
 from tp_sim.faults.relay import Topics
-from tp_sim.faults.report import page_table, terminal_table, write_section
+from tp_sim.faults.report import page_table, read_section, terminal_table, write_section
 from tp_sim.faults.rig import Judged
 from tp_sim.faults.table import CASES
 
@@ -57,7 +57,8 @@ def main() -> int:
     try:
         rows = run_cases(chosen, judged, console, arguments.verbose, arguments.record)
         if arguments.page:
-            write_section(arguments.page, SECTION, page_table(rows))
+            before = read_section(arguments.page, SECTION) if arguments.only else ''
+            write_section(arguments.page, SECTION, page_table(rows, before))
     except TaskPriorityError as error:
         print(f'faults: {error}', file=sys.stderr)
         return REFUSED
@@ -140,7 +141,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument('--list', action='store_true', help='print the cases and end')
     parser.add_argument('--verbose', action='store_true', help='print notes and the nodes’ output')
     parser.add_argument(
-        '--page', type=Path, help='page whose marked section gets the table, in Markdown'
+        '--page',
+        type=Path,
+        help='page whose marked section gets the table, in Markdown; with --only others stay',
     )
     parser.add_argument(
         '--record', type=Path, metavar='FOLDER', help='write all joint states and commands there'

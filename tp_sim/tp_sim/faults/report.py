@@ -45,35 +45,49 @@ def terminal_table(rows: Sequence[Outcome]) -> Table:
     return table
 
 
-def page_table(rows: Sequence[Outcome]) -> str:
-    """Table of all cases in Markdown."""
-    names = (
-        'case',
-        'what is done',
-        'allowed beside the rules',
-        *(name for name, _ in COLUMNS[1:]),
-    )
-    right = {name for name, _ in COLUMNS[1:-1]}
-    lines = [
-        f'| {" | ".join(names)} |',
-        f'|{"|".join("---:" if name in right else "---" for name in names)}|',
-    ]
+def page_table(rows: Sequence[Outcome], before: str = '') -> str:
+    """Table of cases in Markdown.
+
+    Parameters
+    ----------
+    rows
+        Cases that were run.
+    before
+        What stood there before: lines of other cases stay.
+    """
+    columns = [name for name, _ in COLUMNS[1:]]
+    names = ('case', 'what is done', 'allowed beside the rules', *columns)
+    right = set(columns[:-1])
+    lines = {_key(line): line for line in before.splitlines() if line.startswith(('| `', '- `'))}
     for row in rows:
         first, *others = (value(row) for _, value in COLUMNS)
         cells = (f'`{first}`', row.case.done, row.case.allowed, *others)
-        lines.append(f'| {" | ".join(cells)} |')
-    notes = [f'- `{row.case.name}`: {"; ".join(row.notes)}' for row in rows if row.notes]
-    failed = [f'- `{row.case.name}`: {text}' for row in rows for text in row.found.wrong]
+        lines[f'| `{first}`'] = f'| {" | ".join(cells)} |'
+        told = '; '.join([*row.notes, *row.found.wrong])
+        lines[f'- `{first}`'] = f'- `{first}`: {told}' if told else ''
+    table = [line for line in lines.values() if line.startswith('|')]
+    notes = [line for line in lines.values() if line.startswith('-')]
+    passed = sum(line.endswith('| passed |') for line in table)
     load = max((row.load for row in rows), default=0.0)
-    passed = sum(row.passed for row in rows)
-    minutes = sum(row.seconds for row in rows) / 60.0
+    head = [
+        f'| {" | ".join(names)} |',
+        f'|{"|".join("---:" if name in right else "---" for name in names)}|',
+    ]
     end = (
-        f'{passed} of {len(rows)} passed, in {minutes:.0f} minutes on '
-        f'{os.cpu_count()} cores ({platform.machine()}, load up to {load:.1f}).'
+        f'{passed} of {len(table)} passed, on {os.cpu_count()} cores ({platform.machine()}) with '
+        f'a load of up to {load:.0f}.'
     )
-    parts = ['\n'.join(lines), end]
-    parts += ['\n'.join(part) for part in (notes, failed) if part]
-    return '\n\n'.join(parts)
+    return '\n\n'.join('\n'.join(part) for part in ([*head, *table], [end], notes) if part)
+
+
+def _key(line: str) -> str:
+    """Kind and case of a line on the page."""
+    return '`'.join(line.split('`')[:2]) + '`'
+
+
+def read_section(path: Path, name: str) -> str:
+    """What stands between the marks of a name on a page; see `write_section`."""
+    return _parts(path, name)[1]
 
 
 def write_section(path: Path, name: str, text: str) -> None:
@@ -84,13 +98,19 @@ def write_section(path: Path, name: str, text: str) -> None:
     InvalidValue
         If the page cannot be read or has no such marks.
     """
+    before, _, after = _parts(path, name)
+    path.write_text(f'{before}\n\n{text}\n\n{after}', encoding='utf-8')
+
+
+def _parts(path: Path, name: str) -> tuple[str, str, str]:
+    """Page until the first mark of a name, what is between the two, and the rest."""
     begin, end = BEGIN.format(name), END.format(name)
     try:
         page = path.read_text(encoding='utf-8')
     except OSError as error:
         raise InvalidValue(str(path), error.strerror or 'no file', 'a page to write to') from None
     before, mark, rest = page.partition(begin)
-    _, other, after = rest.partition(end)
+    between, other, after = rest.partition(end)
     if not mark or not other:
         raise InvalidValue(str(path), 'no marks', f'{begin} and {end}')
-    path.write_text(f'{before}{begin}\n\n{text}\n\n{end}{after}', encoding='utf-8')
+    return before + mark, between, other + after

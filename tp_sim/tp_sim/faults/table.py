@@ -130,7 +130,7 @@ CASES: tuple[Case, ...] = (
     ),
     _case(
         'stamps_set_back',
-        'the clock of the stamps goes back by 10 s, and forth again',
+        'the clock of the stamps goes back by 10 s, and forward again',
         _disturbed(lambda: stamped(lambda stamp: stamp - 10 * SECOND)),
         '',
         CLOCK,
