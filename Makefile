@@ -2,7 +2,7 @@ SHELL := bash
 CONFIG ?= config/a4_position_joint.yaml
 PYTEST_ARGS ?=
 
-.PHONY: help setup demo test lint bench clean
+.PHONY: help setup demo test lint bench faults clean
 
 help:
 	@echo 'make setup   install everything into this folder and build the packages'
@@ -10,6 +10,7 @@ help:
 	@echo 'make test    all tests (PYTEST_ARGS="-k name" selects)'
 	@echo 'make lint    ruff, mypy and the checks of the ROS packages'
 	@echo 'make bench   the benchmarks'
+	@echo 'make faults  faults around the running controller, each one judged; table in docs/faults.md'
 	@echo 'make clean   remove everything that the other targets made'
 
 setup:
@@ -26,6 +27,9 @@ lint: setup
 
 bench: setup
 	@source ./setup.bash && python benchmarks/run.py
+
+faults: setup
+	@source ./setup.bash && install/tp_sim/lib/tp_sim/faults --page docs/faults.md
 
 clean:
 	rm -rf .venv .venv-* build install log out .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -32,6 +32,7 @@ setup(
             'compare = tp_sim.compare:main',
             'stress = tp_sim.stress:main',
             'demo = tp_sim.demo.main:main',
+            'faults = tp_sim.faults.main:main',
             'description = tp_sim.description_main:main',
         ],
     },

@@ -128,7 +128,7 @@ class Arm:
         self._z, self._p, self._v, self._v_high, self._v_low = self._state[:5]
         self._parted, self._fastest, self._q, self._candidate = self._state[5:]
         self.limit = np.full(n, math.inf)
-        self._found = np.zeros(2)
+        self._found, self._asked = np.zeros(2), np.zeros(n)
         held = math.ceil(response.hold / period - SAME) + 1 if response.hold else 0
         self.upper, self.lower = np.zeros((2, n))
         self.held_upper, self.held_lower = np.zeros((2, held, n))
@@ -284,7 +284,7 @@ class Arm:
         if self._blind:
             self._advance(passed)
             credible = self._accept(q, before, qd)
-        elif self._kernel.follow(q, self._now, passed, *self._arguments(before)):
+        elif self._follow(q, passed, before, qd):
             self._doubted, credible = False, True
             self._judge(q, before)
             if self.following or self._ideal:
@@ -292,9 +292,26 @@ class Arm:
         else:
             credible = self._believe(q, passed, before, qd)
             if credible:
+                self._asked[:] = before
                 self._correct(q, passed, before)
+                # What it does was found already; from the new position it has not moved.
+                before[:] = self._asked
         self._refer()
         return credible
+
+    def _follow(self, q: Vector, passed: float, before: Vector, qd: Vector | None) -> bool:
+        """Go on to a position, if the arm can have come to it.
+
+        A joint that says itself that it moves is not taken as blocked: the time since the last
+        state may be known badly, and with it what the positions say of the velocity.
+        """
+        self._asked[:] = before
+        if not self._kernel.follow(q, self._now, passed, *self._arguments(before)):
+            return False
+        if qd is not None and not np.array_equal(before, self._asked):
+            moves = qd * np.sign(self._asked) >= SLOWER * np.abs(self._asked)
+            before[moves] = self._asked[moves]
+        return True
 
     def _placed(self, q: Vector) -> Vector:
         """Positions (n,) of a measured configuration (nq,); those of poses count from there on.
