@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
@@ -79,14 +81,6 @@ class Step(NamedTuple):
     levels: tuple[LevelResult, ...]
     """One result per level, highest first."""
 
-    def copy(self) -> Step:
-        """Return the same step with arrays of its own."""
-        levels = [
-            LevelResult(tasks, requested.copy(), achieved.copy())
-            for tasks, requested, achieved in self.levels
-        ]
-        return Step(self.command.copy(), self.scale, tuple(levels))
-
 
 class Stack:
     """Tasks in levels of priority, a solver and the robot's limits.
@@ -142,7 +136,6 @@ class Stack:
         self._targets: dict[str, Vector] | None = None
         self.safety_filter = SafetyFilter(robot, period)
         self._qd, self._wish, self._fastest = np.zeros((3, robot.n))
-        self._command = _read_only(self._qd)
         self._members: list[list[Task]] = []
         self._listed: list[list[str]] = []
         self._transition_time = 0.0
@@ -262,7 +255,11 @@ class Stack:
             k += task.k
         # Tasks write their rows of the whole system themselves; nothing is copied per cycle.
         self._J = np.zeros((k, self.robot.n))
-        self._velocity, self._achieved = np.zeros(k), np.zeros(k)
+        # One array of all that a step answers with: results of their own are one copy.
+        n = self.robot.n
+        self._answers = np.concatenate([self._qd, np.zeros(2 * k)])
+        self._qd, self._command = self._answers[:n], _read_only(self._answers[:n])
+        self._velocity, self._achieved = self._answers[n : n + k], self._answers[n + k :]
         self._errors, self._feedforward = np.zeros((2, k))
         self._ranked = [self.tasks[name] for name in self._rows]
         self._own: list[tuple[Task, Vector, Vector]] = []
@@ -278,6 +275,12 @@ class Stack:
             for task in self._ranked
             if not (task.parts or task.set_based)
         ]
+        self._level_answers = []
+        for tasks in members:
+            rows = self._level_rows(tasks)
+            asked = slice(n + rows.start, n + rows.stop)
+            got = slice(asked.start + k, asked.stop + k)
+            self._level_answers.append((tuple(task.name for task in tasks), asked, got))
         self._bounding = [task for task in self._ranked if isinstance(task, SetBasedTask)]
         above = next((i for i, level in enumerate(members) if not all_set_based(level)), k)
         guarded = [self._level_rows(level) for level in members[:above]]
@@ -293,7 +296,7 @@ class Stack:
         )
         self.rows = Rows(self._rows, self._J, self._velocity)
         """Rows of the last step, to be read."""
-        self._results = tuple(self._result(tasks) for tasks in members)
+        self._results = self._results_in(_read_only(self._answers))
         self.prepare_solver()
         self.safety_filter.watch(self._kept())
 
@@ -305,12 +308,13 @@ class Stack:
                 return
             yield from bounds
 
-    def _result(self, tasks: Sequence[Task]) -> LevelResult:
-        rows = self._level_rows(tasks)
-        return LevelResult(
-            tuple(task.name for task in tasks),
-            _read_only(self._velocity[rows]),
-            _read_only(self._achieved[rows]),
+    def _results_in(self, answers: Vector) -> tuple[LevelResult, ...]:
+        """Views of what every level asked for and got in an array like that of the answers."""
+        return tuple(
+            [
+                LevelResult(names, answers[asked], answers[got])
+                for names, asked, got in self._level_answers
+            ]
         )
 
     def _level_rows(self, tasks: Sequence[Task]) -> slice:
@@ -398,6 +402,12 @@ class Stack:
     def prepare_solver(self) -> None:
         """Tell the solver of the levels, and of their tasks' weights and inverses."""
         self.solver.prepare(self._members, self._jacobian_at)
+        # What overflows is not finite and refused in the end. Compiled code does not warn.
+        self._quiet: Callable[[], AbstractContextManager[None]] = (
+            nullcontext
+            if self.solver.compiled and not self._own
+            else partial(np.errstate, over='ignore', invalid='ignore')
+        )
         for name, rows in self._rows.items():
             task = self.tasks[name]
             if isinstance(task, SetBasedTask):
@@ -550,7 +560,9 @@ class Stack:
         the caller's own.
         """
         try:
-            return self.step_in_place(q, elapsed, qd).copy()
+            step = self.step_in_place(q, elapsed, qd)
+            answers = self._answers.copy()
+            return Step(answers[: self.robot.n], step.scale, self._results_in(answers))
         except UnusableState as error:
             if error.command is not None:
                 error.command = error.command.copy()
@@ -643,7 +655,8 @@ class Stack:
             If no finite command follows from the state, or no joint can have moved so. If the
             positions are finite the error has a command: braking.
         """
-        if not np.isfinite(q).all():
+        # The sum of what is finite may overflow: it is only quicker.
+        if not (math.isfinite(np.add.reduce(q)) or np.isfinite(q).all()):
             self._refuse(q)
         if not self.safety_filter.take(q, elapsed, qd):
             self._wish[:] = 0.0
@@ -660,8 +673,7 @@ class Stack:
         if self.resting:
             return self._answer_with_braking()
         try:
-            # What overflows is not finite and refused below.
-            with np.errstate(over='ignore', invalid='ignore'):
+            with self._quiet():
                 bounds = self.safety_filter.bounds()
                 self._expect(self.safety_filter.last_bounds)
                 self._fill()

@@ -130,7 +130,7 @@ class BoundedRecursion:
             raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
         velocity[:] = self._velocity[n:]
         if self._holds_joints:
-            return float(self.shares.min(initial=1.0))
+            return min(self._shares.tolist())
         self.scale = kernel.shorten(qd, bounds.speed)
         return self.scale
 
