@@ -89,6 +89,11 @@ def njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]
     return lambda function: getattr(_libraries[-1], symbol(function), function)
 
 
+def inner(function: Callable[..., Any]) -> Any:
+    """Decorate a function without a signature that compiled ones call, and Python never does."""
+    return njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+
+
 class _AnyType:
     """Stands in for all types of numba, which the library knows already."""
 

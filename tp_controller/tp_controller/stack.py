@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from itertools import chain
@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.arm import Arm
-from tp_controller.errors import InvalidValue, UnusableState, listed, shown
-from tp_controller.parameters import check_name
+from tp_controller.errors import InvalidValue, UnusableState, shown
+from tp_controller.hierarchy import all_set_based, named_tasks, split_hierarchy
 from tp_controller.problem import Problem, joined
 from tp_controller.robot import Limits, Robot, State
 from tp_controller.safety_filter import SafetyFilter
@@ -260,7 +260,8 @@ class Stack:
         self._answers = np.concatenate([self._qd, np.zeros(2 * k)])
         self._qd, self._command = self._answers[:n], _read_only(self._answers[:n])
         self._velocity, self._achieved = self._answers[n : n + k], self._answers[n + k :]
-        self._errors, self._feedforward = np.zeros((2, k))
+        known = np.zeros((3, k))
+        self._errors, self._feedforward = known[:2]
         self._ranked = [self.tasks[name] for name in self._rows]
         self._own: list[tuple[Task, Vector, Vector]] = []
         for task in self._ranked:
@@ -287,13 +288,8 @@ class Stack:
         # Rows that are to keep distances whatever else is asked for.
         self._guarded = slice(0, guarded[-1].stop if guarded else 0)
         bends = [np.zeros(task.k) if task.set_based else task.bend for task in self._ranked]
-        self._curvature = Curvature(
-            self._errors,
-            self._feedforward,
-            np.concatenate([*bends, np.zeros(0)]),
-            np.zeros((k, self.robot.n, self.robot.n)),
-            self._fill_hessians,
-        )
+        known[2] = np.concatenate([*bends, np.zeros(0)])
+        self._curvature = Curvature(known, np.zeros((k, n, n)), self._fill_hessians)
         self.rows = Rows(self._rows, self._J, self._velocity)
         """Rows of the last step, to be read."""
         self._results = self._results_in(_read_only(self._answers))
@@ -825,70 +821,6 @@ class Stack:
         self.safety_filter.transition.give_way()
         self.safety_filter.pass_on(self._qd)
         raise UnusableState(message, self._command)
-
-
-def named_tasks(robot: Robot, tasks: Iterable[Task], period: float) -> dict[str, Task]:
-    """Tasks by name; those without a period [s] take it over.
-
-    Raises
-    ------
-    InvalidValue
-        If two tasks have one name, or a task is another robot's, has another period or a gain
-        that this one is too long for.
-    """
-    named: dict[str, Task] = {}
-    for task in tasks:
-        check_name(task.name)
-        key = f'tasks.{task.name}'
-        if named.setdefault(task.name, task) is not task:
-            raise InvalidValue(key, 'a second task of that name', 'a new name')
-        if task.robot is not robot:
-            raise InvalidValue(key, 'a task of another robot', "tasks of the stack's robot")
-        if task.period not in (period, math.inf):
-            got = f'a period of {task.period:g} s'
-            raise InvalidValue(key, got, f"the stack's, {period:g} s, or none")
-        if task.period != period:
-            task.know_period(period)
-            try:
-                task.check_gain(task.gain.ravel().tolist())
-            except InvalidValue as error:
-                raise error.under(key) from None
-    return named
-
-
-def all_set_based(tasks: Iterable[Task]) -> bool:
-    """Whether all tasks of a level keep distances."""
-    return all(task.set_based for task in tasks)
-
-
-def split_hierarchy(hierarchy: Sequence[str], known: Collection[str]) -> list[list[str]]:
-    """Task names of every level, highest first.
-
-    Parameters
-    ----------
-    hierarchy
-        Task names by level; ``a + b`` puts two on one level. One empty name alone means none:
-        ROS parameter files know no empty list of texts.
-    known
-        Names of all tasks.
-
-    Raises
-    ------
-    InvalidValue
-        If a name is unknown or a task stands twice.
-    """
-    levels = [[name.strip() for name in level.split('+')] for level in hierarchy]
-    accepts = f'names out of {listed(known)}, joined by + on one level'
-    if levels == [['']]:
-        return []
-    seen: set[str] = set()
-    for name in (name for names in levels for name in names):
-        if name not in known:
-            raise InvalidValue('hierarchy', shown(name), accepts)
-        if name in seen:
-            raise InvalidValue('hierarchy', f'{shown(name)} twice', 'every task once')
-        seen.add(name)
-    return levels
 
 
 def _nothing() -> None:
