@@ -221,7 +221,8 @@ class Arm:
     def undo(self) -> None:
         """Go back to before the last state."""
         self._state[:] = self._past_state
-        self._anchor[:] = self._past_anchor
+        if not self._flat:
+            self._anchor[:] = self._past_anchor
         (
             self._now,
             self._began,
@@ -268,7 +269,7 @@ class Arm:
                     self._refer()
                 return False
         if not self._known:
-            if self._timed and np.max(np.abs(q)) > FARTHEST:
+            if self._timed and np.abs(q).max() > FARTHEST:
                 self.notice = f'no joint can be at the position {shown(q)}'
                 return False
             self._start(q, before, qd)
@@ -407,7 +408,8 @@ class Arm:
     def keep(self) -> None:
         """Let `undo` lead to the present model."""
         self._past_state[:], self._past = self._state, self._numbers()
-        self._past_anchor[:] = self._anchor
+        if not self._flat:
+            self._past_anchor[:] = self._anchor
 
     def _advance(self, passed: float) -> None:
         """Let the model carry out what was sent, until now."""
@@ -469,6 +471,9 @@ class Arm:
             passed = self.period
         else:
             passed = max(elapsed, 0.0)
+        if passed == self.step == self.period:
+            self._now += passed
+            return passed
         fallen = self.step - (self.step - self.period) * min(1.0, self.period / FALLING)
         if fallen - self.period < FADED * self.period:
             fallen = self.period

@@ -123,7 +123,8 @@ def njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]
 
     def compile_when_called(function: Callable[..., Any]) -> Any:
         collected.extend((function, types) for types in signature)
-        return numba.njit(function)
+        # Nothing of it is used by another process.
+        return numba.njit(**options | {'cache': False})(function)
 
     return compile_when_called
 
@@ -151,6 +152,11 @@ def _part(name: str) -> ModuleType:
 def part_name(name: str) -> str:
     """Name of a module's machine code in the library."""
     return f'{name}.compiled'.replace('.', '_')
+
+
+def inner(function: Callable[..., Any]) -> Any:
+    """Decorate a function without a signature that compiled ones call, and Python never does."""
+    return njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
 
 
 class _AnyType:
