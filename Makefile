@@ -2,7 +2,7 @@ SHELL := bash
 CONFIG ?= config/a4_position_joint.yaml
 PYTEST_ARGS ?=
 
-.PHONY: help setup demo test lint bench faults clean
+.PHONY: help setup demo test lint bench faults docs clean
 
 help:
 	@echo 'make setup   install everything into this folder and build the packages'
@@ -11,6 +11,7 @@ help:
 	@echo 'make lint    ruff, mypy and the checks of the ROS packages'
 	@echo 'make bench   the benchmarks'
 	@echo 'make faults  faults around the running controller, each one judged; table in docs/faults.md'
+	@echo 'make docs    the docs site, in out/site'
 	@echo 'make clean   remove everything that the other targets made'
 
 setup:
@@ -30,6 +31,11 @@ bench: setup
 
 faults: setup
 	@source ./setup.bash && install/tp_sim/lib/tp_sim/faults --page docs/faults.md
+
+docs: setup
+	@source ./setup.bash && NO_MKDOCS_2_WARNING=1 mkdocs build --strict --quiet -d out/site
+	@echo 'docs: $(CURDIR)/out/site/index.html'
+	@echo 'for the search: python3 -m http.server -d out/site, then http://localhost:8000'
 
 clean:
 	rm -rf .venv .venv-* build install log out .pytest_cache .mypy_cache .ruff_cache .hypothesis

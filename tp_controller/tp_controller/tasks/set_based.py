@@ -43,8 +43,8 @@ THRESHOLDS: Mapping[str, Parameter] = {
     ),
     'margin': Parameter(
         NUMBER,
-        'Distance [m or rad] that is kept, with smooth switching only; left out, what the bend '
-        'of the way can take in one step',
+        'Distance [m or rad] that is kept, with smooth switching only; left out, an upper bound '
+        'of the second-order error of the distance in one step',
         above=0.0,
     ),
 }
