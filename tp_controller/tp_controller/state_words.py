@@ -75,7 +75,8 @@ def number(value: float) -> str:
     """Number with four decimals."""
     if not math.isfinite(value):
         return NONE
-    return f'{value:.4f}' if abs(value) < 1000.0 else f'{value:.3g}'
+    # No minus before a zero.
+    return f'{round(value, 4) + 0.0:.4f}' if abs(value) < 1000.0 else f'{value:.3g}'
 
 
 def milliseconds(seconds: float) -> str:

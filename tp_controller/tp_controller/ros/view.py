@@ -176,7 +176,7 @@ class Viewer:
         self._model = ViewModel(node, namespace)
         self._link: ViewLink | None = None
         if not given.read_only:
-            self._link = ViewLink(node, name, simulator, self.view.panel.say)
+            self._link = ViewLink(node, name, simulator, page.say)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(node)
         self._name = name

@@ -17,6 +17,8 @@ from tp_controller.errors import InvalidValue, shown
 
 LOCAL = ('127.0.0.1', '::1', 'localhost')
 TITLE = 'Task-priority control'
+SAID = 6.0
+"""Time [s] that an answer stays in sight."""
 
 
 class Page:
@@ -79,6 +81,11 @@ class Page:
     def watched(self) -> bool:
         """Whether any browser shows it."""
         return bool(self.server.get_clients())
+
+    def say(self, text: str) -> None:
+        """Show a text for a while in every browser."""
+        for client in self.server.get_clients().values():
+            client.add_notification('', text, auto_close_seconds=SAID)
 
     def close(self) -> None:
         """Close it; browsers say that they have lost the connection."""

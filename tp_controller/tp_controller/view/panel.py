@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -15,8 +14,6 @@ from tp_controller.view.plots import Plot, error, nearest, split
 from tp_controller.view.task_folder import Range, TaskFolder
 from tp_controller.view.wishes import Hold, Reset, Save, Wish
 
-SAID = 8.0
-"""Time [s] that an answer of the controller stays in sight."""
 LIGHTS = {0: '#e6a700', 1: '#0a9e5a', 2: '#d51e1e', 3: '#e67700', 4: '#e6a700'}
 """Color of every status of ControllerState."""
 
@@ -37,8 +34,10 @@ class Panel:
     def __init__(self, gui: viser.GuiApi, file: str, ask: Callable[[Wish], None] | None) -> None:
         self._gui, self._ask = gui, ask
         self._state: Any = None
-        self._said, self._said_at, self._message = '', -math.inf, ''
+        self._message = ''
         self._status = gui.add_markdown('', order=0.0)
+        # Below what one presses: nothing moves away under the mouse.
+        self._messages = gui.add_markdown('', order=15.0)
         if ask is not None:
             self._add_buttons(file, ask)
         self._tasks = gui.add_folder('Hierarchy, highest first', order=10.0)
@@ -47,10 +46,6 @@ class Panel:
         self._plot_folder: viser.GuiFolderHandle | None = None
         self._plots: list[Plot] = []
         self._ranges: Mapping[str, Mapping[str, Range]] = {}
-
-    def say(self, text: str) -> None:
-        """Show an answer for a while."""
-        self._said, self._said_at = text, time.monotonic()
 
     def wait(self, text: str) -> None:
         """Show what is waited for, beside the last state; empty if nothing is."""
@@ -91,6 +86,7 @@ class Panel:
         self._status.content = '  \n'.join(self._lines(state, rate))
         if state is None:
             return
+        self._messages.content = '  \n'.join(_messages(state))
         if self._ask is not None:
             held = bool(state.held)
             self._hold.label = 'Resume' if held else 'Hold'
@@ -116,11 +112,9 @@ class Panel:
     def _lines(self, state: Any, rate: float) -> list[str]:
         lines = [f'{_light("#999999")} **{self._message}**'] if self._message else []
         if state is not None:
-            lines += _state_lines(state, rate)
+            lines.append(_state_line(state, rate))
         if self._ask is None:
             lines.append('*read-only: nothing can be asked for here*')
-        if time.monotonic() - self._said_at < SAID:
-            lines.append(f'→ {self._said}')
         return lines
 
     def _levels(self) -> hierarchy.Levels:
@@ -158,6 +152,7 @@ class Panel:
             self.distances = gui.add_checkbox('distances', False)
             self.obstacles = gui.add_checkbox('handles at obstacles', False)
             self.obstacles.visible = self._ask is not None
+            self.shadows = gui.add_checkbox('shadows', False, hint='for a fast graphics card')
             self._logarithmic = gui.add_checkbox('logarithmic errors', False)
 
         async def change_scale(_: viser.GuiEvent[Any]) -> None:
@@ -188,21 +183,22 @@ class Panel:
                 self._plots.append(Plot(self._gui, title, with_distance, nearest, False))
 
 
-def _state_lines(state: Any, rate: float) -> list[str]:
+def _state_line(state: Any, rate: float) -> str:
     name = words.STATUS.get(state.status, str(state.status))
     facts = [f'**{name}**']
     if math.isfinite(rate):
         facts.append(f'{rate:.0f} Hz')
-    facts += [
-        f'cycle {words.milliseconds(state.solve_time)}',
-        f'age {words.milliseconds(state.command_age)}',
-        f'scale {state.scale:.2f}',
-    ]
-    lines = [_light(LIGHTS.get(state.status, '#999999')) + ' ' + ' · '.join(facts)]
+    facts.append(f'age {words.milliseconds(state.command_age)}')
+    if state.scale < 1.0:
+        facts.append(f'scale {state.scale:.2f}')
+    return _light(LIGHTS.get(state.status, '#999999')) + ' ' + ' · '.join(facts)
+
+
+def _messages(state: Any) -> list[str]:
+    lines = []
     if words.explained(state) and state.active_limits:
         lines.append(f'limits met: {", ".join(state.active_limits)}')
-    lines += [f'⚠ {text}' for text in state.message.split('; ') if text]
-    return lines
+    return lines + [f'⚠ {text}' for text in state.message.split('; ') if text]
 
 
 def _light(color: str) -> str:

@@ -58,6 +58,7 @@ class Paths:
                     segments,
                     color(list(self._points).index(frame)),
                     thickness=2.5,
+                    thickness_units='screen',
                     visible=self._shown,
                 )
             else:

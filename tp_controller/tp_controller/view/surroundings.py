@@ -102,7 +102,7 @@ class Surroundings:
             if len(ways):
                 points = ways.astype(np.float32)
                 self._lines = self._scene.add_line_segments(
-                    '/distances', points, both, thickness=3.0
+                    '/distances', points, both, thickness=3.0, thickness_units='screen'
                 )
             return
         self._lines.visible = bool(len(ways))

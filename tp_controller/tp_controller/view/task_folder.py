@@ -59,9 +59,10 @@ class TaskFolder:
         self._controls = ask is not None
         self.folder = gui.add_folder(task.name, expand_by_default=False)
         with self.folder:
-            self._text = gui.add_markdown('')
             if ask is not None:
                 self._add_controls(task, ranges, ask)
+            # Below what one presses: nothing moves away under the mouse.
+            self._text = gui.add_markdown('')
 
     def follow(
         self, state: Any, task: Any, first: bool, parameters: Mapping[str, Any], number: int
@@ -82,7 +83,7 @@ class TaskFolder:
         self.folder.label = _label(task)
         self.folder.order = 100.0 + number
         gain = parameters.get(f'tasks.{self._name}.gain')
-        self._text.content = _text(state, task, first, gain)
+        self._text.content = _text(state, task, first, None if self._controls else gain)
         if not self._controls:
             return
         listed = task.level >= 0

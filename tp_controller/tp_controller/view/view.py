@@ -67,6 +67,7 @@ class View:
         self._due: dict[str, float] = {}
         self._begin = time.monotonic()
         self._cycles = -1
+        self._shadows: bool | None = None
 
     @property
     def robot(self) -> Robot | None:
@@ -140,6 +141,7 @@ class View:
         if shapes and not drawn.arm.has_shapes:
             self._add_shapes(drawn)
         drawn.arm.show(bool(panel.meshes.value), shapes)
+        self._light(bool(panel.shadows.value))
         drawn.surroundings.follow(state.tasks)
         drawn.handles.show(bool(panel.targets.value), bool(panel.obstacles.value))
         drawn.handles.follow(state.tasks)
@@ -152,12 +154,17 @@ class View:
             else:
                 drawn.surroundings.hide_distances()
 
+    def _light(self, shadows: bool) -> None:
+        if self._shadows != shadows:
+            self._shadows = shadows
+            self._scene.configure_default_lights(cast_shadow=shadows)
+
     def _add_shapes(self, drawn: _Drawn) -> None:
         try:
             drawn.arm.add_shapes(drawn.robot.bodies)
         except TaskPriorityError as error:
             drawn.arm.add_shapes({})
-            self.panel.say(str(error))
+            self._page.say(str(error))
 
     def _take_tasks(self, state: Any, robot: Robot) -> bool:
         """Make the panel fit the tasks of a state; return whether it has any."""
