@@ -39,6 +39,7 @@ WITHOUT_KEY = {
     'trimesh',
     'typing_extensions',
     'viser',
+    'websockets',
 }
 
 

@@ -40,7 +40,10 @@ class PageClient:
         self._socket.close()
 
     def send(self, **message):
-        self._socket.send(msgspec.msgpack.encode(message))
+        try:
+            self._socket.send(msgspec.msgpack.encode(message))
+        except ConnectionClosed:
+            self.closed = True
 
     def receive(self, seconds):
         """Take messages for a time; returns how many packets came."""

@@ -51,7 +51,8 @@ def test_a_task_moves_one_place_at_a_time(move, name, found):
 
 
 def test_levels_come_from_the_state_and_go_to_the_parameter():
-    tasks = [SimpleNamespace(name=name, level=level) for name, level in zip('abc', (1, -1, 0))]
+    found = {'a': 1, 'b': -1, 'c': 0}
+    tasks = [SimpleNamespace(name=name, level=level) for name, level in found.items()]
     assert levels_of(tasks) == [['c'], ['a']]
     assert parameter(LEVELS) == ['a', 'b + c', 'd']
     assert parameter([]) == ['']

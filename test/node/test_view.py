@@ -8,6 +8,7 @@ from page_client import PageClient
 
 from tp_controller.errors import InvalidValue
 from tp_controller.view.page import Page
+from tp_interfaces.srv import AddTask
 from tp_sim.harness import ClosedLoop, NodeProcess, PrivateDomain
 
 
@@ -71,6 +72,19 @@ def test_a_slider_moves_a_joint(loop, page):
     )
 
 
+def test_a_task_that_comes_while_it_runs_is_drawn_beside_the_arm(loop, page):
+    request = AddTask.Request(name='ball', level=0)
+    request.parameters = '{type: obstacle, frame: link_3, axes: xy, center: [-1, 1], radius: 0.2}'
+    page.messages.clear()
+    assert loop.client.call(AddTask, 'tp_controller/add_task', request).success
+    page.wait_for(lambda: page.element('TransformControlsMessage'))
+    page.wait_for(lambda: page.element('GuiSliderMessage', 'joint_1'))
+    page.wait_for(lambda: page.element('GuiTextMessage', 'gain [1/s]'))
+    names = {message.get('name') for message in page.messages if 'props' in message}
+    assert '/obstacles/ball/solid' in names
+    assert '/arm/bone_0' not in names
+
+
 def test_a_refused_change_is_told(page):
     gain = page.element('GuiTextMessage', 'gain [1/s]')
     form = next(
@@ -116,16 +130,16 @@ def test_it_waits_for_a_controller_and_survives_its_restarts(config):
     simulator = NodeProcess('tp_sim', 'simulator', file, domain.environment())
     try:
         client.wait_for(lambda: 'waiting for /tp_controller: no state' in client.text())
-        for other in ('a4_position_joint', 'a1_position'):
-            path = config / f'{other}.yaml'
-            controller = NodeProcess('tp_controller', 'controller', path, domain.environment())
-            client.messages.clear()
-            client.wait_for(lambda: 'RUNNING' in client.text())
-            client.wait_for(lambda: client.element('TransformControlsMessage'))
-            client.messages.clear()
-            controller.signal(signal.SIGKILL)
-            controller.stop()
-            client.wait_for(lambda: 'waiting for /tp_controller: no state' in client.text())
+        controller = NodeProcess('tp_controller', 'controller', file, domain.environment())
+        client.wait_for(lambda: client.element('GuiSliderMessage', 'joint_1'))
+        controller.signal(signal.SIGKILL)
+        controller.wait()
+        client.messages.clear()
+        client.wait_for(lambda: 'waiting for /tp_controller: no state' in client.text())
+        other = config / 'a3_position_orientation.yaml'
+        controller = NodeProcess('tp_controller', 'controller', other, domain.environment())
+        client.wait_for(lambda: '/targets/ee_orientation' in str(client.messages))
+        controller.stop()
     finally:
         client.close()
         simulator.stop()

@@ -246,11 +246,11 @@ class Viewer:
 
     def _take_model(self) -> None:
         try:
-            stack = self._model.take_stack()
+            found = self._model.take_stack()
         except TaskPriorityError as error:
             self._wait = f'the robot cannot be drawn: {error}'
             return
-        if stack is not None:
-            self.view.set_stack(stack)
+        if found is not None:
+            self.view.set_stack(*found)
         for visual in self._model.take_visuals():
             self.view.add_visual(visual)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any, NamedTuple
+from typing import Any
 
 from rclpy.node import Node
 from std_msgs.msg import String
@@ -17,13 +17,8 @@ from tp_controller.stack import Stack
 from tp_controller.view.visuals import Visual, visuals
 
 DH = 'robot.dh.'
-
-
-class Model(NamedTuple):
-    """What is built of parameters."""
-
-    stack: Stack
-    visuals: list[Visual]
+ROBOT = 'robot'
+"""Beginning of the keys that say what a robot looks like."""
 
 
 class ViewModel:
@@ -48,6 +43,7 @@ class ViewModel:
         self._building: Future[Stack] | None = None
         self._reading: Future[list[Visual]] | None = None
         self._parameters: Flat = {}
+        self._looks: object = None
 
     def build(self, parameters: Mapping[str, Any]) -> str:
         """Begin to build; return what that has to wait for, empty if for nothing."""
@@ -57,8 +53,13 @@ class ViewModel:
         self._building = self._thread.submit(_build, self._parameters, self._description)
         return ''
 
-    def take_stack(self) -> Stack | None:
+    def take_stack(self) -> tuple[Stack, bool] | None:
         """Robot and tasks once they are built, None before; once.
+
+        Returns
+        -------
+        tuple or None
+            The stack, and whether its robot looks as the one before.
 
         Raises
         ------
@@ -69,8 +70,12 @@ class ViewModel:
             return None
         done, self._building = self._building, None
         found = done.result()
-        self._reading = self._thread.submit(_read, self._parameters, self._description)
-        return found
+        robot = {key: value for key, value in self._parameters.items() if key.startswith(ROBOT)}
+        looks, self._looks = self._looks, (robot, self._description)
+        same = looks == self._looks
+        if not same:
+            self._reading = self._thread.submit(_read, self._parameters, self._description)
+        return found, same
 
     def take_visuals(self) -> Iterator[Visual]:
         """What links look like, once that is read; once."""

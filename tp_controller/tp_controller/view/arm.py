@@ -29,15 +29,23 @@ class ArmPicture:
         Where it is drawn.
     robot
         The robot.
+
+    Attributes
+    ----------
+    robot
+        The robot; one that looks the same may take its place.
     """
 
     def __init__(self, scene: viser.SceneApi, robot: Robot) -> None:
-        self._scene, self._robot = scene, robot
+        self._scene, self.robot = scene, robot
         self._links: dict[str, viser.SceneNodeHandle] = {}
         self._visuals: list[viser.SceneNodeHandle] = []
         self._shapes: list[viser.SceneNodeHandle] = []
         self._bones: list[viser.CylinderHandle] = []
         self._balls: list[viser.SceneNodeHandle] = []
+        ends = self._ends()
+        self.extent = max(float(np.ptp(ends, axis=0).max()) if len(ends) else 0.0, 0.1)
+        """Largest side [m] of a box round the arm as it stood first."""
         self._draw_skeleton()
         self._shown = (True, False)
         self.has_shapes = False
@@ -77,8 +85,8 @@ class ArmPicture:
     def follow(self) -> None:
         """Move everything to where the robot is now."""
         for link, handle in self._links.items():
-            put(handle, link_place(self._robot, link))
-        for (start, end), bone in zip(self._robot.segments(), self._bones, strict=True):
+            put(handle, link_place(self.robot, link))
+        for (start, end), bone in zip(self.robot.segments(), self._bones, strict=True):
             length = float(np.linalg.norm(end - start))
             turn = rotation_to(end - start) if length > 0.0 else np.eye(3)
             put(bone, pin.SE3(turn, 0.5 * (start + end)))
@@ -89,7 +97,7 @@ class ArmPicture:
 
     def _draw_skeleton(self) -> None:
         radius = 0.5 * WIDTH * self.extent
-        for i, _ in enumerate(self._robot.segments()):
+        for i, _ in enumerate(self.robot.segments()):
             bone = self._scene.add_cylinder(f'/arm/bone_{i}', radius, 1.0, color=STEEL)
             bone.scale = (1.0, 1.0, 1e-6)
             self._bones.append(bone)
@@ -100,20 +108,14 @@ class ArmPicture:
 
     def _ends(self) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
         """Places (m, 3) where balls are: ends of segments, each once."""
-        return self._robot.segments().reshape(-1, 3)
-
-    @property
-    def extent(self) -> float:
-        """Largest side [m] of a box round the arm as it stands."""
-        ends = self._ends()
-        return max(float(np.ptp(ends, axis=0).max()) if len(ends) else 0.0, 0.1)
+        return self.robot.segments().reshape(-1, 3)
 
     def _link(self, link: str) -> str:
         name = f'/arm/{link}'
         if link not in self._links:
             handle = self._scene.add_frame(name, show_axes=False)
             self._links[link] = handle
-            put(handle, link_place(self._robot, link))
+            put(handle, link_place(self.robot, link))
         return name
 
 

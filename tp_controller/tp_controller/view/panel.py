@@ -37,7 +37,7 @@ class Panel:
         self._message = ''
         self._status = gui.add_markdown('', order=0.0)
         # Below what one presses: nothing moves away under the mouse.
-        self._messages = gui.add_markdown('', order=15.0)
+        self._messages = gui.add_markdown('', order=24.0)
         if ask is not None:
             self._add_buttons(file, ask)
         self._tasks = gui.add_folder('Hierarchy, highest first', order=10.0)
@@ -137,7 +137,7 @@ class Panel:
 
         self._hold.on_click(hold)
         self._reset.on_click(reset)
-        with gui.add_folder('Save the stack', order=30.0, expand_by_default=False):
+        with gui.add_folder('Save the stack', order=22.0, expand_by_default=False):
             path = gui.add_text('file', file, hint="on the controller's machine")
             replace = gui.add_checkbox('replace', False, hint='a file that is there already')
             gui.add_button('Save').on_click(save)
@@ -148,12 +148,14 @@ class Panel:
             self.meshes = gui.add_checkbox('meshes', True, hint='else the skeleton')
             self.targets = gui.add_checkbox('targets', True)
             self.paths = gui.add_checkbox('paths', True)
-            self.shapes = gui.add_checkbox('collision shapes', False)
+            self.shapes = gui.add_checkbox('link shapes', False, hint='that keep their distances')
             self.distances = gui.add_checkbox('distances', False)
-            self.obstacles = gui.add_checkbox('handles at obstacles', False)
+            self.obstacles = gui.add_checkbox('obstacles', False, hint='handles that move them')
             self.obstacles.visible = self._ask is not None
             self.shadows = gui.add_checkbox('shadows', False, hint='for a fast graphics card')
-            self._logarithmic = gui.add_checkbox('logarithmic errors', False)
+            self._logarithmic = gui.add_checkbox(
+                'log errors', False, hint='on a logarithmic scale'
+            )
 
         async def change_scale(_: viser.GuiEvent[Any]) -> None:
             self._rescale = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
@@ -172,11 +172,6 @@ def frames_seen(states: Iterable[Any], frames: Collection[str]) -> list[str]:
     """Frames that enabled tasks control, each once."""
     found = [task.frame for task in states if task.enabled and task.frame in frames]
     return list(dict.fromkeys(found))
-
-
-def named(states: Iterable[Any]) -> Mapping[str, Any]:
-    """States of tasks by name."""
-    return {task.name: task for task in states}
 
 
 def _centred(shape: Shape) -> Shape:

@@ -74,22 +74,31 @@ class View:
         """The robot that is drawn; None before it is known."""
         return None if self._drawn is None else self._drawn.robot
 
-    def set_stack(self, stack: Stack) -> None:
-        """Draw this robot, and the obstacles of these tasks, from now on."""
-        robot = stack.robot
-        first = self._drawn is None
+    def set_stack(self, stack: Stack, same_robot: bool = False) -> None:
+        """Draw a robot, and the obstacles of its tasks, from now on.
+
+        Parameters
+        ----------
+        stack
+            Robot and tasks.
+        same_robot
+            Whether the robot looks as the one before, which then stays with its meshes.
+        """
+        robot, before = stack.robot, self._drawn
         with self._page.server.atomic():
-            self._scene.reset()
-            arm = ArmPicture(self._scene, robot)
-            extent = arm.extent
-            self._drawn = _Drawn(
-                robot,
-                arm,
-                Paths(self._scene, extent),
-                Surroundings(self._scene, robot, stack.tasks.values()),
-                Handles(self._scene, robot, extent, self._types, self._ask),
-            )
-            self._furnish(robot, extent, first)
+            if same_robot and before is not None:
+                for name in ('/obstacles', '/targets', '/labels', '/distances'):
+                    self._scene.remove_by_name(name)
+                arm, paths = before.arm, before.paths
+                arm.robot = robot
+            else:
+                self._scene.reset()
+                arm = ArmPicture(self._scene, robot)
+                paths = Paths(self._scene, arm.extent)
+                self._furnish(robot, arm.extent, before is None)
+            around = Surroundings(self._scene, robot, stack.tasks.values())
+            handles = Handles(self._scene, robot, arm.extent, self._types, self._ask)
+            self._drawn = _Drawn(robot, arm, paths, around, handles)
         self._names = ()
         self._cycles = -1
 
