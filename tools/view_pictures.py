@@ -41,8 +41,8 @@ PICTURES = (
         'view_planar.png',
         'b1_obstacles',
         (('ee_position', (-0.9, 0.9)), ('ee_position', (1.2, 0.6))),
-        0.25,
-        ('3 · ee_position…', 'Show', 'distances'),
+        0.6,
+        ('3 · ee_position…',),
     ),
     Picture(
         'view_panda.png',

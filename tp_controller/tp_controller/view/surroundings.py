@@ -18,6 +18,8 @@ from tp_controller.view.targets import AXES, has_values
 
 CLOSE = 0.3
 """Distances [m] up to which a line is drawn between links and obstacles."""
+MOST = 4
+"""Lines of one task: those of its nearest links."""
 DISC = 0.02
 """Thickness [m] of an obstacle that counts in two axes."""
 
@@ -81,9 +83,9 @@ class Surroundings:
                 self._label(task.name, None)
                 continue
             between, far = found
-            near = np.flatnonzero(far < CLOSE)
-            ways += list(between[near])
-            distances += far[near].tolist()
+            near = [row for row in np.argsort(far)[:MOST] if far[row] < CLOSE]
+            ways += [between[row] for row in near]
+            distances += [float(far[row]) for row in near]
             i = int(np.argmin(far))
             self._label(task.name, (between[i].mean(axis=0), float(far[i])) if i in near else None)
         self._draw(np.array(ways).reshape(-1, 2, 3), np.array(distances))
