@@ -1,15 +1,18 @@
 SHELL := bash
 CONFIG ?= config/a4_position_joint.yaml
 PYTEST_ARGS ?=
+VIEW_ARGS ?=
 
-.PHONY: help setup demo test lint bench docs clean
+.PHONY: help setup demo view test lint bench faults docs clean
 
 help:
 	@echo 'make setup   install everything into this folder and build the packages'
 	@echo 'make demo    simulator and controller follow goals; report in out/demo (CONFIG=$(CONFIG))'
+	@echo 'make view    simulator, controller and a page in the browser (CONFIG=$(CONFIG))'
 	@echo 'make test    all tests (PYTEST_ARGS="-k name" selects)'
 	@echo 'make lint    ruff, mypy and the checks of the ROS packages'
 	@echo 'make bench   the benchmarks'
+	@echo 'make faults  faults around the running controller, each one judged; table in docs/faults.md'
 	@echo 'make docs    the docs site, in out/site'
 	@echo 'make clean   remove everything that the other targets made'
 
@@ -19,6 +22,9 @@ setup:
 demo: setup
 	@source ./setup.bash && install/tp_sim/lib/tp_sim/demo --config $(CONFIG) --out out/demo
 
+view: setup
+	@source ./setup.bash && install/tp_sim/lib/tp_sim/live --config $(CONFIG) $(VIEW_ARGS)
+
 test: setup
 	@source ./setup.bash && python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
 
@@ -27,6 +33,9 @@ lint: setup
 
 bench: setup
 	@source ./setup.bash && python benchmarks/run.py
+
+faults: setup
+	@source ./setup.bash && install/tp_sim/lib/tp_sim/faults --page docs/faults.md
 
 docs: setup
 	@source ./setup.bash && NO_MKDOCS_2_WARNING=1 mkdocs build --strict --quiet -d out/site

@@ -34,7 +34,10 @@ FLOODED = 'controller, 4,000 goals/s'
 BESIDE = {
     HEARD: ['listener.py', 'tp_controller/state'],
     ECHO_HEARD: ['listener.py', 'telling_echo/state'],
-    FLOODED: ['goal_flood.py'],
+    FLOODED: [
+        *('-m', 'tp_sim.faults.goal_flood', 'tp_controller/ee_position/goal'),
+        'tp_controller/state',
+    ],
 }
 """What runs beside the node, with its arguments."""
 SEGMENT = 5.0
@@ -160,8 +163,7 @@ def processor_time(pid: int) -> float:
 
 
 def _start(command: Sequence[str], domain: PrivateDomain) -> subprocess.Popen[bytes]:
-    script, *arguments = command
-    return subprocess.Popen([sys.executable, HERE / script, *arguments], env=domain.environment())
+    return subprocess.Popen([sys.executable, *command], env=domain.environment(), cwd=HERE)
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:

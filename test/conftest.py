@@ -33,11 +33,3 @@ def repository() -> Path:
 def config() -> Path:
     """Folder of the experiments' parameter files."""
     return REPOSITORY / 'config'
-
-
-@pytest.fixture(scope='session')
-def compiled_library() -> Path:
-    """Library of compiled functions; made, if set-up has not done so for these sources."""
-    from tp_controller.compile_ahead import build
-
-    return build()

@@ -31,7 +31,16 @@ ROS_KEYS = {
     'yaml': 'python3-yaml',
 }
 # Modules without a ROS key, which tools/setup.sh installs, and names for mypy alone.
-WITHOUT_KEY = {'daqp', 'dask', 'distributed', 'pyarrow', 'typing_extensions'}
+WITHOUT_KEY = {
+    'daqp',
+    'dask',
+    'distributed',
+    'pyarrow',
+    'trimesh',
+    'typing_extensions',
+    'viser',
+    'websockets',
+}
 
 
 def check_colcon() -> Iterator[str]:

@@ -70,8 +70,8 @@ packages_state() {
     -o -type f -print | LC_ALL=C sort
   find tp_* \( -name package.xml -o -name CMakeLists.txt -o -name 'setup.*' -o -name '*.msg' \
     -o -name '*.srv' -o -name '*.action' \) -type f -exec sha256sum {} + | LC_ALL=C sort
-  grep -rl --include='*.py' -e 'compiled import' -e 'numba import' tp_* | LC_ALL=C sort |
-    xargs sha256sum
+  sha256sum tp_sim/tp_sim/servo.py
+  .venv/bin/python tp_controller/tp_controller/compiled.py
   # there after a build with --symlink-install, gone after one without
   echo install/*/lib/python*/site-packages/*.egg-link
 }
@@ -120,29 +120,18 @@ make_venv() {
   venv_state >.venv/state
 }
 
-# Compile modules ahead, so that no node and no cycle waits for it.
-compile_ahead() {
-  PYTHONPATH=tp_controller:tp_sim${PYTHONPATH:+:$PYTHONPATH} logged python -c "import $1"
-}
-
 build_packages() {
   say 'building tp_interfaces, tp_controller and tp_sim, compiling the solver'
   rm -f install/state
   # links to files that are gone would stop setuptools
   [ ! -d build ] || find build -xtype l -delete
   source ./setup.bash
-  # numba does not see changes of another file that a compiled one calls
-  find tp_controller tp_sim -name '*.nb[ci]' -delete
-  # The kernel takes about as long as all others together: two cores are busy all the time.
-  compile_ahead tp_controller.solvers.hqp_kernel &
-  local beside=$!
-  compile_ahead 'tp_controller.solvers.lexicographic, tp_controller.following, tp_controller.identification, tp_controller.reversals, tp_controller.robot.bounds, tp_controller.robot.curvature, tp_controller.tasks.damper, tp_controller.tasks.second_derivatives, tp_sim.servo'
-  wait $beside || exit
-  # for the nodes, which then load neither numba nor LLVM
+  # On all cores while the packages are built on them, too; the nodes load neither numba nor LLVM.
   PYTHONPATH=tp_controller${PYTHONPATH:+:$PYTHONPATH} logged python -m tp_controller.compile_ahead &
-  beside=$!
+  local beside=$!
   logged colcon build --symlink-install
   wait $beside || exit
+  PYTHONPATH=tp_controller:tp_sim${PYTHONPATH:+:$PYTHONPATH} logged python -c 'import tp_sim.servo'
   logged python -m compileall -q -j 0 tp_controller tp_sim install
   packages_state >install/state
 }

@@ -41,6 +41,7 @@ EXTRAS = {
     'batch': ['dask[distributed]', 'matplotlib', 'pyarrow<26', 'rich'],
     'robots': ['example-robot-data>=4.4'],  # URDFs of real arms
     'test': ['hypothesis', 'pytest', 'pytest-timeout'],
+    'view': ['pycollada', 'viser>=1.1,<1.2'],  # the page's scene, without ROS
 }
 
 for_ros = {
@@ -57,6 +58,7 @@ for_ros = {
             'controller = tp_controller.ros.controller_main:main',
             'measure_arm = tp_controller.ros.measure_arm:main',
             'send_goal = tp_controller.ros.send_goal:main',
+            'view = tp_controller.ros.view:main',
             'watch = tp_controller.ros.watch:main',
         ],
     },

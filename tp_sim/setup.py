@@ -32,6 +32,8 @@ setup(
             'compare = tp_sim.compare:main',
             'stress = tp_sim.stress:main',
             'demo = tp_sim.demo.main:main',
+            'faults = tp_sim.faults.main:main',
+            'live = tp_sim.live:main',
             'description = tp_sim.description_main:main',
         ],
     },

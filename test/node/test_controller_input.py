@@ -141,8 +141,22 @@ def test_when_states_stop_the_command_goes_to_zero_and_resumes(lone_controller):
     zeros = controller.commands[1:]
     assert len(zeros) > 10, 'zero commands are repeated'
     assert not any(any(command.velocity) for command in zeros)
+    # The arm may be elsewhere by now, and the frame with it.
+    with pytest.raises(GoalRejected, match='while no joint states come'):
+        client.send_goal('ee_position', [0.1, 0.2], frame='link_1')
     assert controller.ask(START) == before
     client.wait_for(lambda: controller.state.status == ControllerState.RUNNING, 'running')
+
+
+def test_braking_shortens_the_time_of_the_next_state_alone(lone_controller):
+    controller = lone_controller()
+    controller.ask(START)
+    client = controller.client
+    client.wait_for(lambda: controller.state.status == ControllerState.STALE, 'stale')
+    controller.ask(START)
+    # By its stamp a second later, but at once: what held it up held the others up, too.
+    controller.ask([0.4, 0.6, 0.3])
+    assert 'jumped' not in controller.state.message
 
 
 def test_bad_states_alone_make_the_controller_stale(lone_controller):

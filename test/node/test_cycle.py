@@ -147,6 +147,18 @@ def test_states_that_stop_and_come_back_leave_the_acceleration_inside_its_limit(
     assert_inside_the_acceleration_limit(arm.commands)
 
 
+def test_after_a_long_stop_of_the_process_an_arm_that_has_come_to_rest_is_not_braked(arm):
+    for _ in range(30):
+        arm.step()
+    os.kill(arm.controller.process.pid, signal.SIGSTOP)
+    count = len(arm.commands)
+    arm.client.spin_for(0.6)
+    os.kill(arm.controller.process.pid, signal.SIGCONT)
+    arm.client.wait_for(lambda: arm.state.status == ControllerState.STALE, 'the state')
+    arm.client.wait_for(lambda: len(arm.commands) > count + 5, 'commands')
+    assert not any(any(command.velocity) for command in arm.commands[count:])
+
+
 def test_states_that_overtake_each_other_are_dropped_and_counted(arm):
     for _ in range(20):
         arm.step()

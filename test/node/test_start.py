@@ -1,14 +1,12 @@
 """A controller that starts holds the arm unless it is asked for its targets; what it loads."""
 
-import os
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tp_controller import build_settings, read_parameter_file
-from tp_controller.compiled import PACKAGE
+from tp_controller.compiled import library_path
 
 A = [0.4, 0.9, -0.3]
 
@@ -53,19 +51,10 @@ def test_the_library_holds_only_if_it_is_asked_to(config):
     assert not stack.step(np.array(A)).command.any()
 
 
-def test_the_process_loads_no_compiler(compiled_library, lone_controller):
+def test_the_process_loads_no_compiler(lone_controller):
     controller = lone_controller()
     assert np.abs(controller.ask(A)).max() > 0.1
     mapped = Path(f'/proc/{controller.process.pid}/maps').read_text(encoding='utf-8')
-    assert compiled_library.name in mapped
+    assert library_path().name in mapped
     assert 'llvmlite' not in mapped
-    assert 'compile_ahead' not in controller.process.output
-
-
-def test_without_the_library_numba_does_the_same(monkeypatch, tmp_path, lone_controller):
-    # A copy, with what numba has compiled: other tests need the library meanwhile.
-    shutil.copytree(PACKAGE, tmp_path / PACKAGE.name, ignore=shutil.ignore_patterns('compiled_*'))
-    monkeypatch.setenv('PYTHONPATH', f'{tmp_path}:{os.environ["PYTHONPATH"]}')
-    controller = lone_controller()
-    assert np.abs(controller.ask(A)).max() > 0.1
-    assert 'compile_ahead makes it' in controller.process.output
+    assert 'compile' not in controller.process.output

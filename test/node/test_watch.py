@@ -5,8 +5,9 @@ import re
 import pytest
 from rich.console import Console
 
+from tp_controller import state_words
 from tp_controller.ros.diagnostics import STATUS
-from tp_controller.ros.watch_table import NAMES, Sight, render
+from tp_controller.ros.watch_table import STYLES, Sight, render
 from tp_interfaces.msg import ControllerState, LevelState, TaskState
 from tp_sim.harness import ClosedLoop, NodeProcess
 
@@ -65,7 +66,8 @@ def test_every_status_has_a_name_here_and_in_diagnostics(repository):
     text = (repository / 'tp_interfaces/msg/ControllerState.msg').read_text(encoding='utf-8')
     statuses = {int(value) for value in re.findall(r'^uint8 [A-Z]+ *= *(\d+)', text, re.MULTILINE)}
     assert len(statuses) == 5
-    assert set(NAMES) == set(STATUS) == statuses
+    assert set(state_words.STATUS) == set(STYLES) == set(STATUS) == statuses
+    assert state_words.STATUS[state_words.RUNNING] == 'RUNNING'
 
 
 def test_silence_is_told_above_the_last_state():

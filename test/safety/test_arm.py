@@ -87,6 +87,35 @@ def test_an_arm_that_was_blocked_starts_again_from_standstill():
     assert stack.arm.notice == ''
 
 
+def test_a_joint_that_says_it_moves_is_not_blocked_if_the_time_is_known_badly():
+    """Without stamps a sender that is late by a period and more looks like a joint that slows."""
+    stack = joint_stack()
+    plant = plant_of(stack)
+    run(stack, plant, 200)
+    q, qd = plant.measured()
+    before = stack.step(q, PERIOD, qd).command.copy()
+    plant.step(before, PERIOD)
+    q, qd = plant.measured()
+    after = stack.step(q, 2.2 * PERIOD, qd).command
+    assert np.abs(after - before).max() <= CHANGE * (1.0 + 1e-9)
+
+
+def test_an_arm_that_moves_on_after_a_jump_goes_on_from_its_velocity():
+    """Its states may have been held up while it moved."""
+    stack = joint_stack()
+    plant = plant_of(stack)
+    run(stack, plant, 200)
+    for _ in range(40):
+        plant.step(plant.qd, PERIOD)
+    q, qd = plant.measured()
+    with pytest.raises(UnusableState, match='jumped') as caught:
+        stack.step(q, PERIOD, qd)
+    plant.step(caught.value.command, PERIOD)
+    q, qd = plant.measured()
+    after = stack.step(q, PERIOD, qd).command
+    assert np.abs(after - caught.value.command).max() <= CHANGE * (1.0 + 1e-9)
+
+
 @pytest.mark.parametrize('velocities', [True, False])
 def test_a_reset_while_moving_is_said_and_answered_by_braking(velocities):
     stack = joint_stack()

@@ -150,6 +150,9 @@ def test_elapsed_follows_the_time_of_a_simulation_and_not_a_clock_that_jumps():
     for i in range(500):
         feed.answer(1.0 + PERIOD * i, float(i))
     assert feed.answer(100.0, 0.1)[1] == pytest.approx(PERIOD)
+    feed = Feed()
+    feed.answer(1.0)
+    assert feed.answer(3601.0, 1.0)[1] == pytest.approx(PERIOD), 'a leap before any clock is known'
 
 
 def test_states_that_the_middleware_dropped_are_counted():

@@ -1,48 +1,23 @@
-"""Compiled functions out of the library are those that numba compiles."""
+"""Compiled functions come out of a library that is made of the very sources."""
 
+import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tp_controller import compiled
+from tp_controller.tasks import damper
 
-STEPS = """
+NARROW = """
 import sys
 import numpy as np
-from tp_controller import compiled
-if sys.argv[1] == 'library':
-    assert compiled.use_library()
-from tp_controller import build_settings, read_parameter_file
-changes = {'start': 'target', 'solver.type': sys.argv[3]}
-settings = build_settings(read_parameter_file(sys.argv[2], 'tp_controller') | changes)
-stack, q = settings.stack, np.array(
-    read_parameter_file(sys.argv[2], 'tp_sim')['initial_positions'], dtype=float)
-period = 1.0 / settings.values['rate']
-for _ in range(200):
-    q = q + stack.step(q, period).command * period
-    print(*map(float.hex, q))
-print(*sorted(name for name in ('numba', 'llvmlite') if name in sys.modules))
+from tp_controller.tasks import damper
+edge = np.zeros(2)
+damper.narrow(np.array([[1.0, 2.0], [0.5, 0.1]]), np.ones(2), np.zeros(2), 0.1, 0.05, edge)
+print(*edge.tolist(), 'numba' in sys.modules)
 """
-
-
-@pytest.mark.parametrize(
-    ('name', 'scheme'), [('a4_position_joint', 'hqp'), ('panda_table', 'recursive')]
-)
-def test_steps_are_the_same(config, compiled_library, name, scheme):
-    numba, library = (
-        _steps(kind, config / f'{name}.yaml', scheme) for kind in ('numba', 'library')
-    )
-    assert library[-1] == ''
-    assert numba[-1] == 'llvmlite numba'
-    found, expected = (
-        np.array([[float.fromhex(value) for value in line.split()] for line in lines[:-1]])
-        for lines in (library, numba)
-    )
-    assert np.abs(expected[-1] - expected[0]).max() > 0.01
-    assert np.abs(found - expected).max() < 1e-12
 
 
 def test_modules_have_compiled_functions_of_compiled_alone():
@@ -64,14 +39,50 @@ def test_a_library_is_of_the_very_sources(monkeypatch, tmp_path):
         source.write_text(text, encoding='utf-8')
         paths.append(compiled.library_path())
     assert paths[0] == paths[2] != paths[1]
-    assert not compiled.use_library()
 
 
-def _steps(kind: str, path: Path, scheme: str) -> list[str]:
-    done = subprocess.run(
-        [sys.executable, '-c', STEPS, kind, path, scheme],
-        capture_output=True,
-        text=True,
-        check=True,
+def test_constants_that_compiled_functions_use_are_among_the_sources():
+    assert compiled.PACKAGE / 'tasks' / 'parts.py' in compiled.sources()
+
+
+def test_this_process_uses_the_library():
+    assert compiled.library() == compiled.library_path()
+    assert type(damper.narrow).__name__ == 'builtin_function_or_method'
+
+
+@pytest.mark.parametrize('can_be_made', [True, False])
+def test_a_library_is_made_at_the_first_import_or_numba_compiles(tmp_path, can_be_made):
+    package = tmp_path / 'tp_controller'
+    (package / 'tasks').mkdir(parents=True)
+    needed = [
+        '__init__.py',
+        'tasks/__init__.py',
+        'array_types.py',
+        'compiled.py',
+        'tasks/damper.py',
+    ]
+    for name in [*needed, 'compile_ahead.py'][: 6 if can_be_made else 5]:
+        if name.endswith('__init__.py'):
+            (package / name).touch()
+        else:
+            shutil.copy(compiled.PACKAGE / name, package / name)
+    first, second = (
+        subprocess.run(
+            [sys.executable, '-c', NARROW],
+            env={'PYTHONPATH': str(tmp_path), 'PATH': '/usr/bin:/bin'},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        for _ in range(2)
     )
-    return done.stdout.removesuffix('\n').split('\n')
+    edge = np.zeros(2)
+    damper.narrow(np.array([[1.0, 2.0], [0.5, 0.1]]), np.ones(2), np.zeros(2), 0.1, 0.05, edge)
+    assert first.stdout.split() == second.stdout.split()
+    assert first.stdout.split() == [*map(str, edge.tolist()), str(not can_be_made)]
+    assert 'once' in first.stderr
+    if can_be_made:
+        assert not second.stderr
+    else:
+        assert 'numba compiles the solver instead (' in first.stderr
+        assert 'compile_ahead' in first.stderr

@@ -128,7 +128,7 @@ class Arm:
         self._z, self._p, self._v, self._v_high, self._v_low = self._state[:5]
         self._parted, self._fastest, self._q, self._candidate = self._state[5:]
         self.limit = np.full(n, math.inf)
-        self._found = np.zeros(2)
+        self._found, self._asked = np.zeros(2), np.zeros(n)
         held = math.ceil(response.hold / period - SAME) + 1 if response.hold else 0
         self.upper, self.lower = np.zeros((2, n))
         self.held_upper, self.held_lower = np.zeros((2, held, n))
@@ -221,7 +221,8 @@ class Arm:
     def undo(self) -> None:
         """Go back to before the last state."""
         self._state[:] = self._past_state
-        self._anchor[:] = self._past_anchor
+        if not self._flat:
+            self._anchor[:] = self._past_anchor
         (
             self._now,
             self._began,
@@ -268,7 +269,7 @@ class Arm:
                     self._refer()
                 return False
         if not self._known:
-            if self._timed and np.max(np.abs(q)) > FARTHEST:
+            if self._timed and np.abs(q).max() > FARTHEST:
                 self.notice = f'no joint can be at the position {shown(q)}'
                 return False
             self._start(q, before, qd)
@@ -284,7 +285,7 @@ class Arm:
         if self._blind:
             self._advance(passed)
             credible = self._accept(q, before, qd)
-        elif self._kernel.follow(q, self._now, passed, *self._arguments(before)):
+        elif self._follow(q, passed, before, qd):
             self._doubted, credible = False, True
             self._judge(q, before)
             if self.following or self._ideal:
@@ -292,9 +293,26 @@ class Arm:
         else:
             credible = self._believe(q, passed, before, qd)
             if credible:
+                self._asked[:] = before
                 self._correct(q, passed, before)
+                # What it does was found already; from the new position it has not moved.
+                before[:] = self._asked
         self._refer()
         return credible
+
+    def _follow(self, q: Vector, passed: float, before: Vector, qd: Vector | None) -> bool:
+        """Go on to a position, if the arm can have come to it.
+
+        A joint that says itself that it moves is not taken as blocked: the time since the last
+        state may be known badly, and with it what the positions say of the velocity.
+        """
+        self._asked[:] = before
+        if not self._kernel.follow(q, self._now, passed, *self._arguments(before)):
+            return False
+        if qd is not None and not np.array_equal(before, self._asked):
+            moves = qd * np.sign(self._asked) >= SLOWER * np.abs(self._asked)
+            before[moves] = self._asked[moves]
+        return True
 
     def _placed(self, q: Vector) -> Vector:
         """Positions (n,) of a measured configuration (nq,); those of poses count from there on.
@@ -390,7 +408,8 @@ class Arm:
     def keep(self) -> None:
         """Let `undo` lead to the present model."""
         self._past_state[:], self._past = self._state, self._numbers()
-        self._past_anchor[:] = self._anchor
+        if not self._flat:
+            self._past_anchor[:] = self._anchor
 
     def _advance(self, passed: float) -> None:
         """Let the model carry out what was sent, until now."""
@@ -452,6 +471,9 @@ class Arm:
             passed = self.period
         else:
             passed = max(elapsed, 0.0)
+        if passed == self.step == self.period:
+            self._now += passed
+            return passed
         fallen = self.step - (self.step - self.period) * min(1.0, self.period / FALLING)
         if fallen - self.period < FADED * self.period:
             fallen = self.period

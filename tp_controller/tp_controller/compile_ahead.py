@@ -1,19 +1,22 @@
 """Makes the library of compiled functions: ``python -m tp_controller.compile_ahead``.
 
-It has every function with a signature, and takes less than a minute. Needs a C compiler and the
-headers of Python.
+It has every function with a signature, and takes one to two minutes on two cores. Modules that are
+as they were in the library before are not compiled again. Needs a C compiler and Python's headers.
 """
 
 from __future__ import annotations
 
+import fcntl
 import importlib
+import os
+import shutil
 import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from numba.core.dispatcher import Dispatcher
-
-from tp_controller.compiled import PACKAGE, library_path, sources, symbol
+from tp_controller import compiled
 
 
 def build() -> Path:
@@ -24,38 +27,78 @@ def build() -> Path:
     Path
         Where it is.
     """
-    path = library_path()
-    for old in path.parent.glob('compiled_*'):
-        if old != path:
-            old.unlink()
-    if path.exists():
-        return path
-    # numba compiles ahead by this class, of which mypy knows nothing.
-    compiler: Any = importlib.import_module('numba.pycc').CC
-    library = compiler(path.name.partition('.')[0], source_module=__name__)
-    library.target_cpu = 'host'
-    for function in _functions():
-        (signature,) = function.nopython_signatures
-        library.export(symbol(function.py_func), signature)(function.py_func)
-    with tempfile.TemporaryDirectory(dir=path.parent) as folder:
-        library.output_dir, library.output_file = folder, path.name
-        library.compile()
-        # Whole or not at all: a node may start meanwhile.
-        Path(folder, path.name).rename(path)
+    path = compiled.library_path()
+    path.parent.mkdir(exist_ok=True)
+    with (path.parent / 'compiled.lock').open('w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        found = path.parent.glob('compiled_*')
+        others = [old for old in found if old.is_dir() and old != path]
+        if not path.is_dir():
+            with tempfile.TemporaryDirectory(dir=path.parent) as made:
+                folder = Path(made, path.name)
+                folder.mkdir()
+                _fill(folder, others)
+                # Whole or not at all: another process may start meanwhile.
+                folder.rename(path)
+        for old in others:
+            shutil.rmtree(old)
     return path
 
 
-def _functions() -> list[Dispatcher]:
-    """All functions with a signature."""
-    found = []
-    for path in sorted(sources()):
-        parts = path.relative_to(PACKAGE.parent).with_suffix('').parts
-        module = importlib.import_module('.'.join(parts))
-        for function in vars(module).values():
-            here = isinstance(function, Dispatcher) and function.__module__ == module.__name__
-            if here and not function._can_compile:
-                found.append(function)
-    return found
+def _fill(folder: Path, others: list[Path]) -> None:
+    """Compile all compiled.modules, on all cores; those that take longest first."""
+    groups: list[list[Path]] = []
+    for path in sorted(compiled.modules(), key=lambda path: path.stat().st_size, reverse=True):
+        if not _copied(path, folder, others):
+            # A process compiles anew what a module calls: modules of one chain share one.
+            needed = compiled.imported(path)
+            group = next((group for group in groups if group[0] in needed), None)
+            if group is None:
+                groups.append([path])
+            else:
+                group.append(path)
+    os.environ[compiled.COMPILING] = '1'
+    # A fork would have compiled.modules that are imported already.
+    with ProcessPoolExecutor(mp_context=get_context('spawn')) as pool:
+        for _ in pool.map(_compile, groups, [folder] * len(groups)):
+            pass
+
+
+def _copied(path: Path, folder: Path, others: list[Path]) -> bool:
+    """Take over a module from another library, if it is made of the same sources."""
+    name = f'{compiled.key(compiled.imported(path))}.key'
+    (folder / name).touch()
+    for other in others:
+        if (other / name).exists():
+            for file in other.glob(f'{compiled.part_name(_module(path))}.*'):
+                shutil.copy(file, folder)
+            return True
+    return False
+
+
+def _compile(paths: list[Path], folder: Path) -> None:
+    """Compile the functions of compiled.modules that have a signature."""
+    # numba compiles ahead by this class, of which mypy knows nothing.
+    compiler: Any = importlib.import_module('numba.pycc').CC
+    for path in paths:
+        name = _module(path)
+        importlib.import_module(name)
+        library = compiler(compiled.part_name(name), source_module=__name__)
+        library.target_cpu = 'host'
+        found = [(made, types) for made, types in compiled.collected if made.__module__ == name]
+        for function, types in found:
+            signature = types[0] if isinstance(types, list) else types
+            library.export(function.__name__, signature)(function)
+        if found:
+            library.output_dir, library.output_file = (
+                str(folder),
+                f'{compiled.part_name(name)}{compiled.SUFFIX}',
+            )
+            library.compile()
+
+
+def _module(path: Path) -> str:
+    return '.'.join(path.relative_to(compiled.PACKAGE.parent).with_suffix('').parts)
 
 
 if __name__ == '__main__':

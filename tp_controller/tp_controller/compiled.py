@@ -1,18 +1,22 @@
-"""Compiled functions: by numba when they are imported, or out of a library that it filled ahead.
+"""Compiled functions, out of a library of machine code that is made once of their sources.
 
-`njit` and the types are those of numba, unless `use_library` was called before the first module
-with compiled functions is imported. The functions then come from a library of machine code, which
-``python -m tp_controller.compile_ahead`` makes of the same sources; numba and LLVM, 130 MB and a
-second, are not loaded. The nodes do that. Arguments are checked by numba alone: functions of the
-library take for granted that arrays have the type that the signature names.
+The library is a folder with one file of machine code for each module. `compile_ahead` makes it at
+set-up, or else when the first module with compiled functions is imported. Where that cannot be
+done, for want of a C compiler say, numba compiles when modules are imported. Arguments are checked
+by numba alone: functions of the library take for granted that arrays have the type that the
+signature names.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
+import subprocess
+import sys
 import sysconfig
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from importlib.machinery import ExtensionFileLoader
 from importlib.util import module_from_spec, spec_from_loader
 from pathlib import Path
@@ -22,47 +26,64 @@ from typing import Any
 PACKAGE = Path(__file__).parent
 IMPORT = b'\nfrom tp_controller.compiled import '
 """What a module with compiled functions has in it."""
+FROM = re.compile(rb'^from (tp_controller\.[.\w]+) import', re.MULTILINE)
+SUFFIX = sysconfig.get_config_var('EXT_SUFFIX')
 
-_libraries: list[ModuleType] = []
-"""The library in use, if one is."""
+COMPILING = 'TP_CONTROLLER_COMPILING'
+"""Variable of the environment of processes that make the library."""
+
+collected: list[tuple[Callable[..., Any], Any]] = []
+"""In a process that makes the library: functions with signatures, of all modules imported."""
 
 
-def use_library() -> bool:
-    """Take compiled functions out of the library from now on, if there is one of these sources.
+@cache
+def library() -> Path | None:
+    """Folder of the library of these sources, which is made if need be.
 
     Returns
     -------
-    bool
-        Whether there is one; without it numba compiles them, or loads them from its cache.
+    Path or None
+        None if it cannot be made, and in processes that make it.
     """
+    if COMPILING in os.environ:
+        return None
     path = library_path()
-    if not path.exists():
-        return False
-    name = path.name.partition('.')[0]
-    loader = ExtensionFileLoader(name, str(path))
-    spec = spec_from_loader(name, loader)
-    assert spec is not None
-    library = module_from_spec(spec)
-    loader.exec_module(library)
-    _libraries.append(library)
-    return True
-
-
-def library_in_use() -> bool:
-    """Whether compiled functions come from the library."""
-    return bool(_libraries)
+    if not path.is_dir():
+        print('tp_controller: compiles its solver, once; two minutes', file=sys.stderr)
+        paths = [str(PACKAGE.parent), *filter(None, [os.environ.get('PYTHONPATH')])]
+        done = subprocess.run(
+            [sys.executable, '-m', 'tp_controller.compile_ahead'],
+            env=os.environ | {COMPILING: '1', 'PYTHONPATH': os.pathsep.join(paths)},
+            check=False,
+            capture_output=True,
+            text=True,
+        )
+        if done.returncode:
+            why = done.stderr.strip().rpartition('\n')[2]
+            print(f'tp_controller: numba compiles the solver instead ({why})', file=sys.stderr)
+            return None
+    return path
 
 
 def library_path() -> Path:
     """Where the library of these sources for this processor and this Python is, if it was made."""
-    key = hashlib.sha256(_processor())
-    for path in sorted(sources()):
-        key.update(path.read_bytes())
-    suffix = sysconfig.get_config_var('EXT_SUFFIX')
-    return PACKAGE / '__pycache__' / f'compiled_{key.hexdigest()[:16]}{suffix}'
+    return PACKAGE / '__pycache__' / f'compiled_{key(sources())}'
 
 
-def sources() -> Iterator[Path]:
+def key(paths: Iterable[Path]) -> str:
+    """What machine code of these sources depends on: their text, processor and Python."""
+    digest = hashlib.sha256(_processor() + SUFFIX.encode())
+    for path in sorted(paths):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def sources() -> set[Path]:
+    """Modules with compiled functions, and those that they import names from."""
+    return {needed for path in modules() for needed in imported(path)}
+
+
+def modules() -> Iterator[Path]:
     """Modules with compiled functions, and the types that these name."""
     for folder, folders, files in os.walk(PACKAGE):
         folders[:] = [name for name in folders if name != '__pycache__']
@@ -72,9 +93,20 @@ def sources() -> Iterator[Path]:
                 yield path
 
 
-def symbol(function: Callable[..., Any]) -> str:
-    """Name of a function in the library."""
-    return f'{function.__module__}.{function.__name__}'.replace('.', '_')
+def imported(path: Path) -> set[Path]:
+    """What the machine code of a module is made of: it and what it imports, directly or not."""
+    found: set[Path] = set()
+    left = [path]
+    while left:
+        path = left.pop()
+        if path in found or not path.is_file():
+            continue
+        found.add(path)
+        text = path.read_bytes()
+        if IMPORT in text:
+            names = (name.decode().split('.')[1:] for name in FROM.findall(text))
+            left.extend(PACKAGE.joinpath(*name).with_suffix('.py') for name in names)
+    return found - {Path(__file__)}
 
 
 def njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:
@@ -82,11 +114,49 @@ def njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]
 
     The library has those with a signature. The others are for these to call.
     """
-    if not _libraries:
-        import numba
+    if library() is not None:
+        return _out_of_library
+    import numba
 
+    if COMPILING not in os.environ:
         return numba.njit(*signature, **options)
-    return lambda function: getattr(_libraries[-1], symbol(function), function)
+
+    def compile_when_called(function: Callable[..., Any]) -> Any:
+        collected.extend((function, types) for types in signature)
+        # Nothing of it is used by another process.
+        return numba.njit(**options | {'cache': False})(function)
+
+    return compile_when_called
+
+
+def _out_of_library(function: Callable[..., Any]) -> Any:
+    return getattr(_part(function.__module__), function.__name__, function)
+
+
+@cache
+def _part(name: str) -> ModuleType:
+    """Machine code of a module; empty, if none of its functions has a signature."""
+    folder = library()
+    assert folder is not None
+    file = folder / f'{part_name(name)}{SUFFIX}'
+    if not file.exists():
+        return ModuleType(name)
+    loader = ExtensionFileLoader(part_name(name), str(file))
+    spec = spec_from_loader(loader.name, loader)
+    assert spec is not None
+    part = module_from_spec(spec)
+    loader.exec_module(part)
+    return part
+
+
+def part_name(name: str) -> str:
+    """Name of a module's machine code in the library."""
+    return f'{name}.compiled'.replace('.', '_')
+
+
+def inner(function: Callable[..., Any]) -> Any:
+    """Decorate a function without a signature that compiled ones call, and Python never does."""
+    return njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
 
 
 class _AnyType:
@@ -106,7 +176,7 @@ def __getattr__(name: str) -> Any:
     """Types of numba."""
     if name not in ('boolean', 'float64', 'int32', 'int64', 'types', 'void'):
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
-    if _libraries:
+    if library() is not None:
         return _AnyType()
     import numba
 
@@ -121,3 +191,7 @@ def _processor() -> bytes:
     except OSError:
         return b''
     return b'\n'.join(line for line in lines if line.startswith((b'model name', b'flags')))
+
+
+if __name__ == '__main__':
+    print(library_path(), library_path().is_dir())

@@ -363,7 +363,8 @@ class SafetyFilter:
         """Let `undo` lead to the present state."""
         self._past[:] = self._before
         self.transition.keep()
-        self._ahead.keep()
+        if self._ahead.tasks:
+            self._ahead.keep()
 
     def slow_down(self, command: Vector) -> None:
         """Fill the velocities (n,) of the next step of the braking trajectory; nothing is sent."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from functools import partial
 from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
@@ -11,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.arm import Arm
-from tp_controller.errors import InvalidValue, UnusableState, listed, shown
-from tp_controller.parameters import check_name
+from tp_controller.errors import InvalidValue, UnusableState, shown
+from tp_controller.hierarchy import all_set_based, named_tasks, split_hierarchy
 from tp_controller.problem import Problem, joined
 from tp_controller.robot import Limits, Robot, State
 from tp_controller.safety_filter import SafetyFilter
@@ -79,14 +81,6 @@ class Step(NamedTuple):
     levels: tuple[LevelResult, ...]
     """One result per level, highest first."""
 
-    def copy(self) -> Step:
-        """Return the same step with arrays of its own."""
-        levels = [
-            LevelResult(tasks, requested.copy(), achieved.copy())
-            for tasks, requested, achieved in self.levels
-        ]
-        return Step(self.command.copy(), self.scale, tuple(levels))
-
 
 class Stack:
     """Tasks in levels of priority, a solver and the robot's limits.
@@ -142,7 +136,6 @@ class Stack:
         self._targets: dict[str, Vector] | None = None
         self.safety_filter = SafetyFilter(robot, period)
         self._qd, self._wish, self._fastest = np.zeros((3, robot.n))
-        self._command = _read_only(self._qd)
         self._members: list[list[Task]] = []
         self._listed: list[list[str]] = []
         self._transition_time = 0.0
@@ -262,8 +255,13 @@ class Stack:
             k += task.k
         # Tasks write their rows of the whole system themselves; nothing is copied per cycle.
         self._J = np.zeros((k, self.robot.n))
-        self._velocity, self._achieved = np.zeros(k), np.zeros(k)
-        self._errors, self._feedforward = np.zeros((2, k))
+        # One array of all that a step answers with: results of their own are one copy.
+        n = self.robot.n
+        self._answers = np.concatenate([self._qd, np.zeros(2 * k)])
+        self._qd, self._command = self._answers[:n], _read_only(self._answers[:n])
+        self._velocity, self._achieved = self._answers[n : n + k], self._answers[n + k :]
+        known = np.zeros((3, k))
+        self._errors, self._feedforward = known[:2]
         self._ranked = [self.tasks[name] for name in self._rows]
         self._own: list[tuple[Task, Vector, Vector]] = []
         for task in self._ranked:
@@ -278,22 +276,23 @@ class Stack:
             for task in self._ranked
             if not (task.parts or task.set_based)
         ]
+        self._level_answers = []
+        for tasks in members:
+            rows = self._level_rows(tasks)
+            asked = slice(n + rows.start, n + rows.stop)
+            got = slice(asked.start + k, asked.stop + k)
+            self._level_answers.append((tuple(task.name for task in tasks), asked, got))
         self._bounding = [task for task in self._ranked if isinstance(task, SetBasedTask)]
         above = next((i for i, level in enumerate(members) if not all_set_based(level)), k)
         guarded = [self._level_rows(level) for level in members[:above]]
         # Rows that are to keep distances whatever else is asked for.
         self._guarded = slice(0, guarded[-1].stop if guarded else 0)
         bends = [np.zeros(task.k) if task.set_based else task.bend for task in self._ranked]
-        self._curvature = Curvature(
-            self._errors,
-            self._feedforward,
-            np.concatenate([*bends, np.zeros(0)]),
-            np.zeros((k, self.robot.n, self.robot.n)),
-            self._fill_hessians,
-        )
+        known[2] = np.concatenate([*bends, np.zeros(0)])
+        self._curvature = Curvature(known, np.zeros((k, n, n)), self._fill_hessians)
         self.rows = Rows(self._rows, self._J, self._velocity)
         """Rows of the last step, to be read."""
-        self._results = tuple(self._result(tasks) for tasks in members)
+        self._results = self._results_in(_read_only(self._answers))
         self.prepare_solver()
         self.safety_filter.watch(self._kept())
 
@@ -305,12 +304,13 @@ class Stack:
                 return
             yield from bounds
 
-    def _result(self, tasks: Sequence[Task]) -> LevelResult:
-        rows = self._level_rows(tasks)
-        return LevelResult(
-            tuple(task.name for task in tasks),
-            _read_only(self._velocity[rows]),
-            _read_only(self._achieved[rows]),
+    def _results_in(self, answers: Vector) -> tuple[LevelResult, ...]:
+        """Views of what every level asked for and got in an array like that of the answers."""
+        return tuple(
+            [
+                LevelResult(names, answers[asked], answers[got])
+                for names, asked, got in self._level_answers
+            ]
         )
 
     def _level_rows(self, tasks: Sequence[Task]) -> slice:
@@ -398,6 +398,12 @@ class Stack:
     def prepare_solver(self) -> None:
         """Tell the solver of the levels, and of their tasks' weights and inverses."""
         self.solver.prepare(self._members, self._jacobian_at)
+        # What overflows is not finite and refused in the end. Compiled code does not warn.
+        self._quiet: Callable[[], AbstractContextManager[None]] = (
+            nullcontext
+            if self.solver.compiled and not self._own
+            else partial(np.errstate, over='ignore', invalid='ignore')
+        )
         for name, rows in self._rows.items():
             task = self.tasks[name]
             if isinstance(task, SetBasedTask):
@@ -550,7 +556,9 @@ class Stack:
         the caller's own.
         """
         try:
-            return self.step_in_place(q, elapsed, qd).copy()
+            step = self.step_in_place(q, elapsed, qd)
+            answers = self._answers.copy()
+            return Step(answers[: self.robot.n], step.scale, self._results_in(answers))
         except UnusableState as error:
             if error.command is not None:
                 error.command = error.command.copy()
@@ -643,7 +651,8 @@ class Stack:
             If no finite command follows from the state, or no joint can have moved so. If the
             positions are finite the error has a command: braking.
         """
-        if not np.isfinite(q).all():
+        # The sum of what is finite may overflow: it is only quicker.
+        if not (math.isfinite(np.add.reduce(q)) or np.isfinite(q).all()):
             self._refuse(q)
         if not self.safety_filter.take(q, elapsed, qd):
             self._wish[:] = 0.0
@@ -660,8 +669,7 @@ class Stack:
         if self.resting:
             return self._answer_with_braking()
         try:
-            # What overflows is not finite and refused below.
-            with np.errstate(over='ignore', invalid='ignore'):
+            with self._quiet():
                 bounds = self.safety_filter.bounds()
                 self._expect(self.safety_filter.last_bounds)
                 self._fill()
@@ -813,70 +821,6 @@ class Stack:
         self.safety_filter.transition.give_way()
         self.safety_filter.pass_on(self._qd)
         raise UnusableState(message, self._command)
-
-
-def named_tasks(robot: Robot, tasks: Iterable[Task], period: float) -> dict[str, Task]:
-    """Tasks by name; those without a period [s] take it over.
-
-    Raises
-    ------
-    InvalidValue
-        If two tasks have one name, or a task is another robot's, has another period or a gain
-        that this one is too long for.
-    """
-    named: dict[str, Task] = {}
-    for task in tasks:
-        check_name(task.name)
-        key = f'tasks.{task.name}'
-        if named.setdefault(task.name, task) is not task:
-            raise InvalidValue(key, 'a second task of that name', 'a new name')
-        if task.robot is not robot:
-            raise InvalidValue(key, 'a task of another robot', "tasks of the stack's robot")
-        if task.period not in (period, math.inf):
-            got = f'a period of {task.period:g} s'
-            raise InvalidValue(key, got, f"the stack's, {period:g} s, or none")
-        if task.period != period:
-            task.know_period(period)
-            try:
-                task.check_gain(task.gain.ravel().tolist())
-            except InvalidValue as error:
-                raise error.under(key) from None
-    return named
-
-
-def all_set_based(tasks: Iterable[Task]) -> bool:
-    """Whether all tasks of a level keep distances."""
-    return all(task.set_based for task in tasks)
-
-
-def split_hierarchy(hierarchy: Sequence[str], known: Collection[str]) -> list[list[str]]:
-    """Task names of every level, highest first.
-
-    Parameters
-    ----------
-    hierarchy
-        Task names by level; ``a + b`` puts two on one level. One empty name alone means none:
-        ROS parameter files know no empty list of texts.
-    known
-        Names of all tasks.
-
-    Raises
-    ------
-    InvalidValue
-        If a name is unknown or a task stands twice.
-    """
-    levels = [[name.strip() for name in level.split('+')] for level in hierarchy]
-    accepts = f'names out of {listed(known)}, joined by + on one level'
-    if levels == [['']]:
-        return []
-    seen: set[str] = set()
-    for name in (name for names in levels for name in names):
-        if name not in known:
-            raise InvalidValue('hierarchy', shown(name), accepts)
-        if name in seen:
-            raise InvalidValue('hierarchy', f'{shown(name)} twice', 'every task once')
-        seen.add(name)
-    return levels
 
 
 def _nothing() -> None:

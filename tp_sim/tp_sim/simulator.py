@@ -250,7 +250,8 @@ class SimulatorNode(RobotNode):
                 self._move()
             # The time of the state, not of its publication.
             late = round(1e9 * (time.monotonic() - end))
-            self._publish(self.get_clock().now().nanoseconds - late)
+            # Where a clock is awaited its time is zero, and so is the stamp.
+            self._publish(max(0, self.get_clock().now().nanoseconds - late))
 
     def _repeat(self) -> None:
         """Publish an unanswered state again for a controller that came after it.

@@ -17,9 +17,9 @@ from tp_controller.config import (
 )
 from tp_controller.config.schema import OBJECTIVE
 from tp_controller.errors import InvalidValue
+from tp_controller.hierarchy import split_hierarchy
 from tp_controller.parameters import Flat, flatten, read_each
 from tp_controller.robot import Robot
-from tp_controller.stack import split_hierarchy
 
 
 class Reading(NamedTuple):

@@ -19,6 +19,7 @@ from tp_controller.config.schema import (
     task_names,
 )
 from tp_controller.errors import NO_VALUE, InvalidValue
+from tp_controller.hierarchy import split_hierarchy
 from tp_controller.objectives import OBJECTIVE_TYPES, Objective
 from tp_controller.parameters import Flat, flatten, read_all
 from tp_controller.robot import (
@@ -37,7 +38,7 @@ from tp_controller.robot.motions import BASE, FIXED
 from tp_controller.robot.response import KEYS as RESPONSE
 from tp_controller.robot.srdf import SRDF
 from tp_controller.solvers import SOLVER_TYPES, Inverse, Solver
-from tp_controller.stack import Stack, split_hierarchy
+from tp_controller.stack import Stack
 from tp_controller.tasks import TASK_TYPES, Task
 
 BASE_KIND = 'robot.base'

@@ -66,7 +66,7 @@ class Frame:
         data: pin.Data,
         index: int,
         coupling: Coupling | None,
-        stamp: NDArray[np.int64],
+        stamp: list[int],
     ) -> None:
         self.name: str = model.frames[index].name
         self._model = model
@@ -91,7 +91,7 @@ class Frame:
     def standing(cls, name: str, n: int) -> Frame:
         """Frame at the origin that none of the n joints moves."""
         model = pin.Model()
-        frame = cls(model, model.createData(), 0, None, np.zeros(1, dtype=np.int64))
+        frame = cls(model, model.createData(), 0, None, [0])
         frame.name = name
         frame._jacobian = np.zeros((6, n))
         frame._hessian = np.zeros((6, n, n))
@@ -105,7 +105,7 @@ class Frame:
             jacobian = self.model_jacobian()
             self._jacobian = jacobian if self._coupling is None else jacobian @ self._coupling.S
             self._jacobian.flags.writeable = False
-            self._jacobian_stamp = int(self._stamp[0])
+            self._jacobian_stamp = self._stamp[0]
         return self._jacobian
 
     @property
@@ -125,7 +125,7 @@ class Frame:
                 hessian = np.einsum('rij,ik,jl->rkl', hessian, S, S)
             self._hessian = hessian
             self._hessian.flags.writeable = False
-            self._hessian_stamp = int(self._stamp[0])
+            self._hessian_stamp = self._stamp[0]
         return self._hessian
 
     def chain(self, reference: Frame | None = None) -> NDArray[np.int64]:

@@ -102,7 +102,7 @@ class Robot:
         own = coupling is None and not space.blocks
         self._q_model = self._q if own else pin.neutral(model)
         self._places = _places(model, space)
-        self._stamp = np.zeros(1, dtype=np.int64)
+        self._stamp = [0]
         self._frames = {
             frame.name: Frame(model, self._data, i, coupling, self._stamp)
             for i, frame in enumerate(model.frames)
@@ -360,7 +360,7 @@ class Robot:
         self._take(q)
         pin.computeJointJacobians(self._model, self._data, self._q_model)
         pin.updateFramePlacements(self._model, self._data)
-        self._stamp += 1
+        self._stamp[0] += 1
 
     def state(self, q: ArrayLike) -> State:
         """Return a configuration with its frames and Jacobians, as a value.

@@ -37,8 +37,7 @@ class Frames:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self.robot_seen = False
-        """Whether the robot's configuration is known: after the first joint state since the node
-        became active."""
+        """Whether the robot's configuration is known: while an active node gets joint states."""
 
     def named(self, frame_id: str, otherwise: Frame) -> Frame:
         """Frame of a message's header; another one if the name is empty.
@@ -46,7 +45,7 @@ class Frames:
         Raises
         ------
         InvalidValue
-            For a frame that is not the robot's, or before the first joint state.
+            For a frame that is not the robot's, or while its configuration is unknown.
         """
         robot = self._robot
         if frame_id in ('', otherwise.name):
@@ -55,8 +54,8 @@ class Frames:
         if not self.robot_seen:
             raise InvalidValue(
                 'header.frame_id',
-                f'{shown(frame_id)} before the first joint state',
-                f"'' or {otherwise.name} until then",
+                f'{shown(frame_id)} while no joint states come',
+                f"'' or {otherwise.name} until they do",
             )
         return robot.base if frame_id == robot.base_frame else robot.frame(frame_id)
 

@@ -15,7 +15,6 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.timer import Timer
 from visualization_msgs.msg import MarkerArray
 
-from tp_controller import compiled
 from tp_controller.config import (
     HOLD,
     PRESENT,
@@ -156,11 +155,6 @@ class ControllerNode(ManagedNode):
         self._look_at = self._serve_at = self._served = -math.inf
         self._brake_at = math.inf
         self._answered = False
-        if not compiled.library_in_use():
-            self.log.info(
-                'compiled functions are loaded by numba, which takes a second and 130 MB more '
-                'than their library does: python -m tp_controller.compile_ahead makes it'
-            )
         self._hold = Hold(self, self._settings, self.log, self._on_hold)
         self._reach: ReachServer | None = None
         self._later: Iterator[None] | None = self._begin_later()
@@ -480,6 +474,7 @@ class ControllerNode(ManagedNode):
                 self._warnings.warn(f'{task.name} contact', notice)
         now = time.monotonic()
         if self._cycle.look():
+            self._inputs.robot_lost()
             self._brake()
             self._brake_at = now + self._cycle.braking_period
             self._heartbeat_at = -math.inf

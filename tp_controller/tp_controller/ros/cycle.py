@@ -36,6 +36,8 @@ LEAST_PATIENCE = 0.05
 """and time [s] for which it then waits for a joint state at least."""
 BRAKING_PERIOD = 0.01
 """Time [s] between commands of braking where no rate is known."""
+STOPPED = 0.2
+"""Time [s] beyond the limit of age without any command after which the arm is not braked: zero."""
 OSCILLATION_PERIOD = 0.5
 """Time [s] after which an oscillation that goes on is told again."""
 ANSWERING = (ControllerState.RUNNING, ControllerState.HELD)
@@ -236,7 +238,8 @@ class Cycle:
         if command is not None:
             self._commands.prepare(command, arrival.msg.stamp)
         # Before the first command the arm is at rest, and much is loaded that is slow.
-        if not again and self._age(arrival) > self._oldest() and state.cycles:
+        oldest = self._oldest() if state.cycles else self._limit
+        if not again and self._age(arrival) > oldest:
             self._stack.undo()
             self._too_late(arrival, passed, step_time)
             return False
@@ -349,7 +352,10 @@ class Cycle:
 
         Infinite for the first state.
         """
-        return min(self._watch.elapsed(arrival), max(0.0, arrival.taken - self._braked))
+        elapsed = self._watch.elapsed(arrival)
+        if self._braked > self._moved:
+            return min(elapsed, max(0.0, arrival.taken - self._braked))
+        return elapsed
 
     def _note_oscillation(self, elapsed: float) -> None:
         """Tell of joints that reverse again and again, and that they do no longer."""
@@ -429,10 +435,14 @@ class Cycle:
         if self._reference is not None:
             # An arm that takes positions waits where it was told to go.
             passed = self._reference.step
-        command = self._stack.brake(passed)
-        self._commands.send(command)
+        if self._reference is None and passed > self._limit + STOPPED:
+            # Its driver has stopped the arm, or it is high time: braking would move it again.
+            self._stack.rest()
+            self._commands.send(0.0)
+        else:
+            self._commands.send(self._stack.brake(passed))
         self._braked = now
-        self.zeros = 0 if command.any() else self.zeros + 1
+        self.zeros = 0 if self._commands.velocity.any() else self.zeros + 1
 
     def begin(self) -> None:
         """Wait for joint states of an arm that stands still; nothing is sent before one comes."""

@@ -17,7 +17,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 from tp_controller.robot import Robot
 from tp_controller.ros.shape_markers import shape_markers
 from tp_controller.tasks import ClearanceTask, ObstacleTask, Task, WholeArmTask
-from tp_interfaces.msg import ControllerState, TaskState
+from tp_controller.view.targets import target_place
+from tp_interfaces.msg import ControllerState
 
 PERIOD = 0.1
 """Time [s] between markers."""
@@ -74,7 +75,7 @@ class Markers:
                 self._marker(stamp, 'path', i, Marker.LINE_STRIP, list(path), 0.3 * width, BLUE)
             )
         targets = [
-            _point(self._target(task))
+            _point(target_place(self._robot, task).translation)
             for task in controlled
             if task.type != 'obstacle' and set(task.target_components) & set('xyz')
         ]
@@ -124,16 +125,6 @@ class Markers:
                 marker.pose.orientation.w = math.sqrt(0.5)
                 setattr(marker.pose.orientation, 'yx'[axis], math.sqrt(0.5))
         return marker
-
-    def _target(self, task: TaskState) -> NDArray[np.float64]:
-        """Desired position in the base frame, along axes that are left free the present one."""
-        robot = self._robot
-        seen = robot.frame(task.relative_to) if task.relative_to else robot.base
-        target = seen.rotation.T @ (robot.frame(task.frame).position - seen.position)
-        for axis, value in zip(task.target_components, task.desired, strict=True):
-            if axis in ('x', 'y', 'z'):
-                target['xyz'.index(axis)] = value
-        return seen.position + seen.rotation @ target
 
     def _marker(
         self,

@@ -63,11 +63,9 @@ def run_node(name: str, module: str, node_class: str) -> int:
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
-    from tp_controller import compiled
     from tp_controller.errors import NO_VALUE, InvalidValue
     from tp_controller.ros import arguments
 
-    compiled.use_library()
     make_node = getattr(importlib.import_module(module), node_class)
     stop = _Stop()
     for number in SIGNALS:

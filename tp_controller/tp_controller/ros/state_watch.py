@@ -22,6 +22,8 @@ AGREE = 0.005
 """Stamps run like the steady clock if their least lag changes by less [s] in `SHIFT`."""
 BACK = 5
 """So many states in a row with stamps before the newest one: their clock was set back."""
+LEAP = 2.0
+"""Stamps that gain so much [s] on the other clocks from one state to the next were set."""
 CONSTANT = 3
 """So many states in a row that changed, but not their stamp: the stamp says nothing."""
 
@@ -286,7 +288,9 @@ class StateWatch:
         between = self._between(last, arrival)
         if arrival.stamp > last.stamp > 0:
             passed = 1e-9 * (arrival.stamp - last.stamp)
-            if not self._stamps.steady or abs(passed - between) < self._limit:
+            ahead = passed - between
+            leap = max(LEAP, 10.0 * self.period)
+            if abs(ahead) < self._limit if self._stamps.steady else ahead < leap:
                 return passed
         return between
 

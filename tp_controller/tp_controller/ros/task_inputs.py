@@ -133,7 +133,7 @@ class TaskInputs:
         self._reader.robot_seen = True
 
     def robot_lost(self) -> None:
-        """Take note that the arm may be moved by others from now on."""
+        """Take note that the arm may move unseen from now on."""
         self._reader.robot_seen = False
 
     def end_motion(self) -> None:

@@ -8,12 +8,9 @@ import os
 import signal
 import sys
 import time
-from typing import Any
 
 import rclpy
 from rclpy.exceptions import InvalidTopicNameException
-from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from rich.console import Console
@@ -21,20 +18,12 @@ from rich.live import Live
 
 from tp_controller.ros.arguments import one_line
 from tp_controller.ros.cycle import ANSWERING
-from tp_controller.ros.polled import subscribe, take
-from tp_controller.ros.watch_table import Sight, render
-from tp_interfaces.msg import ControllerState
+from tp_controller.ros.watch_table import render
+from tp_controller.ros.watcher import SETTLE, Watcher
 
 NOTHING_SEEN, REFUSED, NOT_RUNNING = 1, 2, 3
-SILENT = 1.0
-"""Time [s] without a state after which that is said; a controller gives one every 0.1 s."""
 PERIOD, PLAIN_PERIOD = 0.2, 1.0
 """Time [s] between two pictures: in a terminal, and in a file or pipe."""
-SETTLE = 0.5
-"""Time [s] that ``--once`` looks on, for the rate and for the levels to be explained."""
-QOS = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""The newest state alone; the controller sends none again for a watcher."""
-TYPE = 'tp_interfaces/msg/ControllerState'
 
 
 def main() -> int:
@@ -113,61 +102,6 @@ def _time(text: str) -> float:
 def _refuse(message: str) -> int:
     print(f'watch: {message}', file=sys.stderr)
     return REFUSED
-
-
-class Watcher:
-    """Takes the newest state when asked, and finds out why there is none.
-
-    Parameters
-    ----------
-    node
-        Listens; nothing spins it.
-    controller
-        Name of the controller's node.
-    """
-
-    def __init__(self, node: Node, controller: str) -> None:
-        self._node = node
-        self._subscription = subscribe(node, ControllerState, f'{controller}/state', QOS)
-        self.topic = str(self._subscription.topic_name)
-        self._state: ControllerState | None = None
-        self._seen = time.monotonic()
-        self._before: tuple[float, int] | None = None
-        self._rate = math.nan
-
-    def look(self) -> Sight:
-        """Take the newest state, if there is a new one."""
-        found: Any = take(self._subscription)
-        now = time.monotonic()
-        if found is not None:
-            self._count(found.cycles, now)
-            self._state, self._seen = found, now
-        silence = '' if now - self._seen < SILENT else self._silence(now - self._seen)
-        if not silence and self._state is None:
-            silence = f'listening to {self.topic}'
-        return Sight(self.topic, self._state, self._rate, silence)
-
-    def _count(self, cycles: int, now: float) -> None:
-        """Find the rate; a controller that was started anew counts from zero again."""
-        if self._before is None or cycles < self._before[1]:
-            self._before, self._rate = (now, cycles), math.nan
-            return
-        passed = now - self._before[0]
-        if passed >= 0.9 * SETTLE:
-            self._rate = (cycles - self._before[1]) / passed
-            self._before = (now, cycles)
-
-    def _silence(self, seconds: float) -> str:
-        when = f'no state for {seconds:.0f} s: '
-        if self._node.count_publishers(self.topic):
-            return f'{when}a controller is there, but silent on {self.topic}'
-        others = [
-            topic.removesuffix('/state')
-            for topic, types in self._node.get_topic_names_and_types()
-            if TYPE in types and topic != self.topic and self._node.count_publishers(topic)
-        ]
-        hint = f'; there is {", ".join(others)} (--controller NAME)' if others else ''
-        return f'{when}nothing publishes {self.topic}{hint}'
 
 
 def _once(watcher: Watcher, timeout: float) -> int:

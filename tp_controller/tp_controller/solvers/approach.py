@@ -9,14 +9,14 @@ or, for a level that loses, from the second derivatives.
 from __future__ import annotations
 
 from tp_controller.braking import viable_speed
-from tp_controller.compiled import njit
+from tp_controller.compiled import inner
 
 SHARE, LOWER_SHARE = 0.6, 0.4
 """Share of the acceleration limits that braking at a target may need, in the first level and in
 those below. The rest is for ways that bend, and for what levels above need of the same joints."""
 
 
-@njit(cache=True)
+@inner
 def able_share(N, m, speeds, ways, gain, share, change, dt):  # type: ignore[no-untyped-def]
     """How much of its gain term a level may ask for, from 0 to 1.
 

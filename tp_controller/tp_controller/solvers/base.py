@@ -63,6 +63,8 @@ class Solver(ABC):
     """Whether levels that cannot get what they ask for are settled, see `settling`."""
     one_by_one: ClassVar[bool] = False
     """Whether levels are resolved one by one, each in the freedom that those above leave."""
+    compiled: ClassVar[bool] = False
+    """Whether compiled code alone computes the answer, which does not warn of overflows."""
     proven: bool = True
     """Whether the last answer is known to be what the scheme promises."""
 

@@ -43,6 +43,11 @@ class BoundedRecursion:
         What bounds left to each level (levels,).
     scale
         What uniform scaling left of the last answer.
+    settling
+        Whether the last answer was settled, and with second derivatives, see `kernel.resolve`.
+    free, slowed
+        The answer (n,) without bounds, and the rows' desired velocities (K,) of it, where these
+        were wanted.
     """
 
     def __init__(
@@ -56,28 +61,31 @@ class BoundedRecursion:
         holds_joints: bool,
     ) -> None:
         n, rows = len(basis), int(starts[-1])
-        self._kernel, self._basis, self._tolerance = kernel, basis, tolerance
-        self._weight = np.ascontiguousarray(np.linalg.inv(basis.T @ basis))
+        self._kernel, self._tolerance = kernel, tolerance
+        self._metric = np.array([basis, np.linalg.inv(basis.T @ basis)])
         self._holds_joints = holds_joints
         self._n = n
         # Rows of the joints come first, as a level above all others that asks for nothing.
-        self._J = np.vstack([np.eye(n), np.zeros((rows, n))])
-        self._asked, self._velocity, self._feedforward = np.zeros((3, n + rows))
+        self._rows = np.vstack([np.eye(n), np.zeros((rows, n))])
+        self._values = np.zeros((3, n + rows))
         self._starts = np.concatenate([[0], n + starts])
         self._rules = np.vstack([[0.0, np.inf], rules])
-        self._sided = np.zeros(n + rows, dtype=np.bool_)
-        self._sided[n + one_sided] = True
-        self._always = ~self._sided
-        self._always[:n] = False
+        self._flags = np.zeros((2, n + rows), dtype=np.bool_)
+        self._always, sided = self._flags
+        sided[n + one_sided] = True
+        self._always[n:] = ~sided[n:]
         self._shares = np.ones(len(starts))
         self._stops = np.full(n + rows, -1, dtype=np.int64)
         self._work = kernel.workspace(n + rows, n)
         self.shares = self._shares[1:]
         self._verdicts = self._work[kernel.VERDICTS][1 : len(starts)]
         self._needed = self._work[kernel.NEEDED]
+        self.free, self.slowed = self._work[kernel.FREE][:n], self._work[kernel.SLOWED][:rows]
+        self.settling: int = kernel.PLAIN
         self.scale = 1.0
         self._before, self._still = np.zeros((2, n))
-        self._unlimited = np.full(n, np.inf)
+        self._unlimited = self._limits = np.full(n, np.inf)
+        self._limited = np.zeros(n, dtype=np.bool_)
         self._flat = Curvature.none(n)
 
     @property
@@ -91,8 +99,8 @@ class BoundedRecursion:
 
         Whether a level `LEAVES` depends on whether there is one below: that does not count.
         """
-        losers = np.flatnonzero(self._verdicts == self._kernel.LOSES)
-        return int(losers[0]) if losers.size else -1
+        verdicts, loses = self._verdicts.tolist(), self._kernel.LOSES
+        return verdicts.index(loses) if loses in verdicts else -1
 
     @property
     def acts(self) -> NDArray[np.bool_]:
@@ -108,33 +116,41 @@ class BoundedRecursion:
         qd: Vector,
         curvature: Curvature | None = None,
         settles: bool = True,
+        wanted: int = 0,
     ) -> float:
-        """Write the answer (n,) to ``qd``; parameters and result as `Solver.solve`."""
-        n, kernel = self._n, self._kernel
-        self._J[n:], self._asked[n:] = J, velocity
+        """Write the answer (n,) to ``qd``; parameters and result as `Solver.solve`.
+
+        What is ``wanted`` beside it is told by `kernel.resolve`.
+        """
+        kernel = self._kernel
         known = curvature or self._flat
-        settling = kernel.PLAIN
+        self.settling = kernel.PLAIN
         if settles and curvature is not None:
             # Second derivatives that counted in the last step will mostly count again.
-            settling = kernel.BENT if self._needed[0] else kernel.SIMPLE
-            if settling == kernel.BENT:
+            self.settling = kernel.BENT if self._needed[0] else kernel.SIMPLE
+            if self.settling == kernel.BENT:
                 known.fill()
-        # Rows that a scheme added are no gain terms.
-        self._feedforward[n:] = velocity
-        self._feedforward[n : n + known.feedforward.size] = known.feedforward
-        result = self._recur(bounds, settling, known, qd)
+        result = self._recur(J, velocity, bounds, known, wanted, qd)
         if result == kernel.UNKNOWN:
             known.fill()
-            result = self._recur(bounds, kernel.BENT, known, qd)
+            self.settling = kernel.BENT
+            result = self._recur(J, velocity, bounds, known, wanted, qd)
         if result == kernel.FAILED:
             raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
-        velocity[:] = self._velocity[n:]
         if self._holds_joints:
-            return float(self.shares.min(initial=1.0))
+            return min(self._shares.tolist())
         self.scale = kernel.shorten(qd, bounds.speed)
         return self.scale
 
-    def _recur(self, bounds: Bounds, settling: int, known: Curvature, qd: Vector) -> int:
+    def _recur(
+        self,
+        J: Matrix,
+        velocity: Vector,
+        bounds: Bounds,
+        known: Curvature,
+        wanted: int,
+        qd: Vector,
+    ) -> int:
         low, high = bounds.range_lower, bounds.range_upper
         if self._holds_joints:
             low, high = bounds.soon_lower, bounds.soon_upper
@@ -144,38 +160,36 @@ class BoundedRecursion:
             before[:] = bounds.before
         if bounds.change is not None and bounds.before is not None:
             change = bounds.change
+            if change is not self._limits:
+                self._limits, self._limited = change, np.isfinite(change)
             if self._holds_joints and not bounds.onward:
                 # Joints without such a limit start from standstill.
-                before = self._before
-                np.multiply(bounds.before, np.isfinite(change), out=before)
+                before = np.multiply(bounds.before, self._limited, out=self._before)
             if known is not self._flat:
                 step = bounds.step
         return self._kernel.resolve(
-            self._J,
-            self._asked,
-            self._feedforward,
-            self._velocity,
-            self._always,
+            J,
+            velocity,
+            known.rows,
+            known.hessians,
+            self.settling,
+            wanted,
+            self._rows,
+            self._values,
+            self._flags,
             self._starts,
             self._rules,
-            self._basis,
+            self._metric,
             self._tolerance,
             low,
             high,
             bounds.range_lower,
             bounds.range_upper,
-            self._sided,
-            self._weight,
-            self._work,
-            self._shares,
-            self._stops,
-            settling,
-            self._n,
-            known.errors,
-            known.hessians,
-            known.bends,
             before,
             change,
             step,
+            self._work,
+            self._shares,
+            self._stops,
             qd,
         )

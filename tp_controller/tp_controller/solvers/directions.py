@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 
-from tp_controller.compiled import njit
+from tp_controller.compiled import inner
 from tp_controller.solvers.settling import orthogonalise
 
 STILL = 1e-13
 """A row of a Jacobian that is shorter [m/rad, -] is rounding: no joint moves it."""
 
 
-@njit(cache=True)
+@inner
 def reduce(N, spare, V, x, rank, m, n):  # type: ignore[no-untyped-def]
     """Take directions out of a basis: its m rows (n,) become m - rank.
 
@@ -52,7 +52,7 @@ def reduce(N, spare, V, x, rank, m, n):  # type: ignore[no-untyped-def]
             N[row, c] = spare[row, c]
 
 
-@njit(cache=True)
+@inner
 def _reflect(x, normal, first, m):  # type: ignore[no-untyped-def]
     """Reflect a vector at the plane with a unit normal whose first entries are zero."""
     along = 0.0
@@ -62,7 +62,7 @@ def _reflect(x, normal, first, m):  # type: ignore[no-untyped-def]
         x[c] -= 2.0 * along * normal[c]
 
 
-@njit(cache=True)
+@inner
 def gather(J, velocity, acts, first, k, qd, order, residual):  # type: ignore[no-untyped-def]
     """List a level's rows that act and joints can move, and what is left of their velocities.
 
@@ -91,7 +91,7 @@ def gather(J, velocity, acts, first, k, qd, order, residual):  # type: ignore[no
     return filled, square
 
 
-@njit(cache=True)
+@inner
 def invert(J, order, k, N, m, rule, smallest, sides, answers, count, B, W, U, S):  # type: ignore[no-untyped-def]
     """Answer right sides by a filtered inverse of ``J N``, in coordinates of the basis N.
 
@@ -133,7 +133,7 @@ def invert(J, order, k, N, m, rule, smallest, sides, answers, count, B, W, U, S)
                 B[j, i] = entry
             else:
                 B[i, j] = entry
-    orthogonalise(B, W, p, q)
+    orthogonalise(B, W, p, q, True)
     for side in range(count):
         for c in range(m):
             answers[side, c] = 0.0

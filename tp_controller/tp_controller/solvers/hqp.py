@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -77,24 +76,22 @@ class HQPSolver(Solver):
         sided[self._one_sided] = True
         self._equal = ~sided
         self.problem = LexicographicProblem(n, self._starts, sided, self.metric)
-        # The recursion's levels, and above them joints at the ends of their ranges.
+        # The second pass's levels, and above them joints at the ends of their ranges.
         self._work = self._kernel.workspace(n + k, n)
         self._rows = np.vstack([np.eye(n), np.zeros((k, n))])
-        self._wish, self._slowed, self._feedforward = np.zeros((3, n + k))
-        self._acts = np.zeros(n + k, dtype=np.bool_)
+        self._wish, self._slowed = np.zeros((2, n + k))
+        self._flags = np.zeros((2, n + k), dtype=np.bool_)
         self._firsts = np.concatenate([[0], n + self._starts])
         self._was_rows = np.zeros(k, dtype=np.int64)
         self._was_joints, self._joints = np.zeros((2, n), dtype=np.int64)
-        self._endless, self._unused = np.full(n, np.inf), np.ones(len(self._groups) + 1)
-        self._change, self._step = self._endless, math.inf
-        self._bottomless, self._none = np.full(n, -np.inf), np.zeros(n + k, dtype=np.bool_)
+        self._endless = np.array([np.full(n, -np.inf), np.full(n, np.inf)])
+        self._unused = np.ones(len(self._groups) + 1)
         self._unstopped = np.full(n + k, -1, dtype=np.int64)
-        self._weight = np.ascontiguousarray(np.linalg.inv(self._basis.T @ self._basis))
-        self._asked, self._again, self._moved = np.zeros((3, k))
+        self._metric = np.array([self._basis, np.linalg.inv(self._basis.T @ self._basis)])
+        self._asked, self._again, self._moved, self._inside = np.zeros((4, k))
         self._free, self._still = np.zeros((2, n))
         self._lower, self._upper = np.zeros(n), np.zeros(n)
-        self._flat = self._curvature = Curvature.none(n)
-        self._settling = self._kernel.PLAIN
+        self._flat = Curvature.none(n)
         self._bounds: Bounds | None = None
         self.proven = True
         self._shares = np.ones(len(self._groups))
@@ -161,18 +158,16 @@ class HQPSolver(Solver):
             1 where no joint's bound stopped a level. Else the least share of what is asked for
             that any level of equalities gets, levels above and bounds taken together.
         """
-        self._curvature = curvature or self._flat
-        self._settling = self._kernel.PLAIN if curvature is None else self._kernel.SIMPLE
-        self._rows[self.n :], self._wish[self.n :] = J, velocity
-        self._step = math.inf
-        if curvature is not None and bounds.change is not None:
-            self._change, self._step = bounds.change, bounds.step
-            self._feedforward[self.n :] = curvature.feedforward
-        self._acts[: self.n] = False
-        self._acts[self.n :] = self._equal
-        self._recur()
+        if self._set is None:
+            self._set = self._recursion_inside_bounds(True)
+        recursion, kernel = self._set, self._kernel
+        # Whether a level loses inside the bounds counts where levels are settled.
+        wanted = kernel.ALONE if curvature is None else kernel.WHOLE
+        self._inside[:] = velocity
+        recursion.resolve(J, self._inside, bounds, qd, curvature, True, wanted)
+        self._free[:], self._slowed[self.n :] = recursion.free, recursion.slowed
         np.dot(J, self._free, out=self._moved)
-        velocity[:] = self._slowed[self.n :]
+        velocity[:] = recursion.slowed
         asked = self._asked
         asked[:] = velocity
         if self._damped:
@@ -184,7 +179,7 @@ class HQPSolver(Solver):
         # Where a level loses, that all levels together are inside the bounds says little: those
         # below may have led back.
         sure = suits and len(self._groups) == 1
-        if not sure and curvature and self._settle(J, velocity, bounds, qd, curvature):
+        if not sure and curvature and self._settle(J, velocity, qd):
             self.proven = True
             return float(self.shares.min(initial=1.0))
         if suits:
@@ -197,29 +192,25 @@ class HQPSolver(Solver):
         self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
         self.proven = self.problem.solve(J, asked, self._lower, self._upper, qd)
         problem, rows = self.problem, self._one_sided
-        if not (self._damped and self._pass_again(J, velocity, bounds, qd)):
+        if not (self._damped and self._pass_again(J, velocity, bounds, qd, curvature)):
             np.dot(J, qd, out=self._moved)
         if rows.size:
             stops = problem.stopped_rows[rows] >= 0
             self.acting[rows] = stops | (self._moved[rows] < velocity[rows] - BROKEN)
-        stopped = problem.stopped_joints
         # The smallest norm, a level below all, asks for nothing.
-        if ((stopped >= 0) & (stopped < len(self._groups))).any():
+        count = len(self._groups)
+        if any(0 <= level < count for level in problem.stopped_joints.tolist()):
             self._note_shares(asked)
-        return float(self._shares.min(initial=1.0))
+        return min(self._shares.tolist(), default=1.0)
 
-    def _settle(
-        self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector, curvature: Curvature
-    ) -> bool:
-        """Answer by the recursion inside bounds if that finds a level that loses.
+    def _settle(self, J: Matrix, velocity: Vector, qd: Vector) -> bool:
+        """Leave the recursion's answer inside bounds if that finds a level that loses.
 
         Levels above the first that loses have to get all that they ask for, which is their
         optimum: then nothing below them decides on what they get.
         """
-        if self._set is None:
-            self._set = self._recursion_inside_bounds(True)
         recursion = self._set
-        recursion.resolve(J, self._wish[self.n :], bounds, qd, curvature)
+        assert recursion is not None
         loser = recursion.loser
         if loser < 0:
             return False
@@ -229,66 +220,35 @@ class HQPSolver(Solver):
             missed[self._equal[:above]] = np.abs(missed[self._equal[:above]])
             if missed.max() > KEPT * max(1.0, float(np.abs(self._asked[:above]).max())):
                 return False
-        velocity[:] = self._wish[self.n :]
+        velocity[:] = self._inside
         self.problem.take(J, self._asked)
         if self._one_sided.size:
             self.acting[self._one_sided] = recursion.acts[self._one_sided]
         self._settled = True
         return True
 
-    def _recursion(self) -> tuple[Any, ...]:
-        """What `kernel.resolve` is given, but for where its answer goes."""
-        return (
-            self._rows,
-            self._wish,
-            self._feedforward,
-            self._slowed,
-            self._acts,
-            self._firsts,
-            self._all_rules,
-            self._basis,
-            self._tolerance,
-            self._bottomless,
-            self._endless,
-            self._bottomless,
-            self._endless,
-            self._none,
-            self._weight,
-            self._work,
-            self._unused,
-            self._unstopped,
-            self._settling,
-            self.n,
-            self._curvature.errors,
-            self._curvature.hessians,
-            self._curvature.bends,
-            self._still,
-            self._change,
-            self._step,
-        )
-
-    def _bend(self) -> None:
-        """Go on with second derivatives."""
-        self._curvature.fill()
-        self._settling = self._kernel.BENT
-
-    def _recur(self) -> None:
-        """Fill the recursion's answer to the rows that act."""
-        kernel = self._kernel
-        result = kernel.resolve(*self._recursion(), self._free)
-        if result == kernel.UNKNOWN:
-            self._bend()
-            result = kernel.resolve(*self._recursion(), self._free)
-        if result != kernel.DONE:
-            raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
-
-    def _ask_again(self, bounds: Bounds, qd: Vector) -> int:
+    def _ask_again(self, bounds: Bounds, qd: Vector, curvature: Curvature, settling: int) -> int:
         """Fill what the levels ask for together with what stopped them."""
         problem = self.problem
         self._wish[self.n :] = self._slowed[self.n :]
         self._joints[:], self._free[:], self._again[:] = problem.stopped_joints, qd, self._asked
         return self._second.ask_again(
-            *self._recursion(),
+            self._rows,
+            self._wish,
+            self._slowed,
+            self._flags,
+            self._firsts,
+            self._all_rules,
+            self._metric,
+            self._tolerance,
+            self._endless,
+            self._still,
+            self._work,
+            self._unused,
+            self._unstopped,
+            settling,
+            curvature.rows,
+            curvature.hessians,
             self._equal,
             self._was_rows,
             self._joints,
@@ -298,7 +258,14 @@ class HQPSolver(Solver):
             self._free,
         )
 
-    def _pass_again(self, J: Matrix, velocity: Vector, bounds: Bounds, qd: Vector) -> bool:
+    def _pass_again(
+        self,
+        J: Matrix,
+        velocity: Vector,
+        bounds: Bounds,
+        qd: Vector,
+        curvature: Curvature | None,
+    ) -> bool:
         """Let levels ask for what they get together with what stopped them.
 
         Returns
@@ -308,10 +275,13 @@ class HQPSolver(Solver):
         """
         problem, second = self.problem, self._second
         self._was_rows[:], self._was_joints[:] = problem.stopped_rows, problem.stopped_joints
-        found = self._ask_again(bounds, qd)
-        if found == second.BENDS:
-            self._bend()
-            found = self._ask_again(bounds, qd)
+        self._rows[self.n :] = J
+        assert self._set is not None
+        known, settling = curvature or self._flat, self._set.settling
+        found = self._ask_again(bounds, qd, known, settling)
+        if found == second.BENT:
+            known.fill()
+            found = self._ask_again(bounds, qd, known, self._kernel.BENT)
         if found == second.NOTHING:
             return False
         if found < 0:

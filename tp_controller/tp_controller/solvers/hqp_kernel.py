@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 
-from tp_controller.array_types import COLUMN, FIXED, ROWS
+from tp_controller.array_types import COLUMN, CUBE, FIXED, ROWS
 from tp_controller.compiled import boolean, float64, int64, njit, void
-from tp_controller.solvers.kernel import DONE, resolve
+from tp_controller.solvers.kernel import BENDS, DONE, ERRORS, recur
 from tp_controller.solvers.settling import UNKNOWN
 
 ROUNDING = 1e-9
 """A joint that is nearer [rad/s, m/s] to its bound is at it."""
-FAILS, BENDS = -1, -2
+FAILS, BENT = -1, -2
 """What `ask_again` returns if a level is not finite, and if second derivatives are needed."""
 NOTHING, ONE, SEVERAL = 0, 1, 2
 """What `ask_again` found: nothing stopped a level; one recursion answers all; several do."""
@@ -26,82 +26,45 @@ NOTHING, ONE, SEVERAL = 0, 1, 2
         ROWS,
         COLUMN,
         COLUMN,
-        COLUMN,
-        boolean[::1],
+        boolean[:, ::1],
         int64[::1],
         ROWS,
-        ROWS,
+        CUBE,
         float64,
-        FIXED,
-        FIXED,
-        FIXED,
-        FIXED,
-        boolean[::1],
         ROWS,
-        float64[:, :, ::1],
+        COLUMN,
+        CUBE,
         COLUMN,
         int64[::1],
         int64,
-        int64,
-        COLUMN,
-        float64[:, :, ::1],
-        COLUMN,
-        COLUMN,
-        COLUMN,
-        float64,
+        ROWS,
+        CUBE,
         boolean[::1],
         int64[::1],
         int64[::1],
-        COLUMN,
-        COLUMN,
+        FIXED,
+        FIXED,
         COLUMN,
         COLUMN,
     ),
     cache=True,
 )
 def ask_again(  # type: ignore[no-untyped-def]
-    J,
-    wish,
-    feedforward,
-    slowed,
-    acts,
-    starts,
-    rules,
-    basis,
-    tolerance,
-    low,
-    high,
-    firm_low,
-    firm_high,
-    sided,
-    weight,
-    work,
-    shares,
-    stops,
-    settling,
-    offset,
-    errors,
-    hessians,
-    bends,
-    still,
-    change,
-    dt,
-    equal,
-    stopped_rows,
-    stopped_joints,
-    range_lower,
-    range_upper,
-    asked,
-    qd,
-):
+    J, wish, slowed, flags, starts, rules, metric, tolerance, endless, still, work, shares,
+    stops, settling, known, hessians, equal, stopped_rows, stopped_joints, range_lower,
+    range_upper, asked, qd,
+):  # fmt: skip
     """Fill what levels ask for together with what stopped them.
 
     Parameters
     ----------
-    J, wish, feedforward, slowed, acts, starts, rules, basis, tolerance, low, high, firm_low, \
-    firm_high, sided, weight, work, shares, stops, settling, offset, errors, hessians, bends, \
-    still, change, dt
-        As `kernel.resolve`, with the n joints as rows of a level above all others.
+    J, wish, slowed
+        Rows (n + K, n) of the n joints, as a level above all others, and of the levels; what they
+        ask for, and room for what the recursion makes of that (n + K,).
+    flags, starts, rules, metric, tolerance, work, shares, stops, settling, known, hessians
+        As `kernel.resolve`; which rows act is filled in here.
+    endless, still
+        Bounds (2, n) that are none, and zeros (n,).
     equal
         Which of the other rows always act (K,).
     stopped_rows, stopped_joints
@@ -117,7 +80,7 @@ def ask_again(  # type: ignore[no-untyped-def]
     Returns
     -------
     int
-        `NOTHING`, `ONE` or `SEVERAL`; `FAILS` or `BENDS`.
+        `NOTHING`, `ONE` or `SEVERAL`; `FAILS` or `BENT`.
     """
     n, k = qd.size, asked.size
     stopped = False
@@ -146,16 +109,17 @@ def ask_again(  # type: ignore[no-untyped-def]
             new = new or last < stopped_rows[i] <= level
         if new:
             for i in range(n):
-                acts[i] = 0 <= stopped_joints[i] <= level
+                flags[0, i] = 0 <= stopped_joints[i] <= level
             for i in range(k):
-                acts[n + i] = equal[i] or 0 <= stopped_rows[i] <= level
-            done = resolve(
-                J, wish, wish, slowed, acts, starts, rules, basis, tolerance, low, high, firm_low,
-                firm_high, sided, weight, work, shares, stops, settling, offset, errors, hessians,
-                bends, still, change, math.inf, qd,
+                flags[0, n + i] = equal[i] or 0 <= stopped_rows[i] <= level
+            done = recur(
+                J, wish, wish, slowed, flags[0], starts, rules, metric[0], tolerance,
+                boolean(False), boolean(False), endless[0], endless[1], endless[0], endless[1],
+                flags[1], metric[1], work, shares, stops, settling, n, known[ERRORS], hessians,
+                known[BENDS], still, endless[1], math.inf, qd,
             )  # fmt: skip
             if done != DONE:
-                return BENDS if done == UNKNOWN else FAILS
+                return BENT if done == UNKNOWN else FAILS
             found = ONE if found == NOTHING else SEVERAL
             last = level
         for row in range(first, end):

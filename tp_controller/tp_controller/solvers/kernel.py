@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from tp_controller.array_types import COLUMN, CUBE, FIXED, ROWS
-from tp_controller.compiled import boolean, float64, int64, njit
+from tp_controller.compiled import boolean, float64, inner, int64, njit
 from tp_controller.solvers.approach import LOWER_SHARE, SHARE, able_share
 from tp_controller.solvers.directions import STILL, gather, invert, reduce
 from tp_controller.solvers.settling import (
@@ -43,15 +43,23 @@ FIRST = 1
 FAILED, DONE = 0, 1
 """What `resolve` returns, beside `UNKNOWN`."""
 OUTSIDE = 4
-"""What `_recur` returns without bounds, where the answer of a level and those above breaks one."""
+"""What `recur` returns without bounds, where the answer of a level and those above breaks one."""
+BRIEF, WHOLE, ALONE = 0, 1, 2
+"""What is wanted without bounds: nothing where an answer breaks one; the answer of all levels
+nevertheless; that answer alone."""
+
+ERRORS, FEEDFORWARD, BENDS = range(3)
+"""Rows of what is known of levels, see `Curvature.rows`."""
 
 VERDICTS = (10, 9)
 """Row of the workspace that tells what `settle` found last in every level."""
 NEEDED = (10, 10)
 """Row of the workspace whose first value tells whether second derivatives counted."""
+FREE, SLOWED = (8, 3), (8, 4)
+"""Rows of the workspace with the answer without bounds, and the rows' velocities of it."""
 
 
-@njit(cache=True)
+@inner
 def _coordinates(N, m, weight, x, out):  # type: ignore[no-untyped-def]
     """Fill the coordinates (m,) of what a velocity x (n,) has in a basis (m, n)."""
     n = x.size
@@ -64,7 +72,7 @@ def _coordinates(N, m, weight, x, out):  # type: ignore[no-untyped-def]
             out[j] += N[j, c] * part
 
 
-@njit(cache=True)
+@inner
 def _fade(m, B, S, rank, rule, present, answer):  # type: ignore[no-untyped-def]
     """Damp what the present velocity already has of the directions of a level.
 
@@ -85,7 +93,7 @@ def _fade(m, B, S, rank, rule, present, answer):  # type: ignore[no-untyped-def]
             answer[j] -= damping / (S[i] * S[i] + damping) * along * B[i, j]
 
 
-@njit(cache=True)
+@inner
 def _stopper(J, start, way, low, high, sided, end, floor, held):  # type: ignore[no-untyped-def]
     """Shares s for which ``start + s way`` (n,) keeps all bounds that are not held.
 
@@ -130,7 +138,7 @@ def _stopper(J, start, way, low, high, sided, end, floor, held):  # type: ignore
     return least, most, critical
 
 
-@njit(cache=True)
+@inner
 def _aim(  # type: ignore[no-untyped-def]
     J, asked, feedforward, velocity, order, k, first, end, square, acts, rule, smallest, weight,
     level, N, m, bounded, change, dt, settling, offset, errors, hessians, bends, followed, lasting,
@@ -219,7 +227,7 @@ def _aim(  # type: ignore[no-untyped-def]
     return rank, found
 
 
-@njit(cache=True)
+@inner
 def _serve(  # type: ignore[no-untyped-def]
     J, asked, feedforward, velocity, order, k, first, end, square, acts, rule, smallest, weight,
     level, full, Z, freedom, low, high, firm_low, firm_high, sided, bounded, change, dt, floor,
@@ -325,7 +333,7 @@ def _serve(  # type: ignore[no-untyped-def]
         lengths[d], lengths[d + 1] = root, 0.0
         for j in range(freedom):
             B[0, j] = coordinates[j] / root
-        reduce(Z, spare, B, answers[4], 1, freedom, n)
+        reduce(Z, spare, B, answers[4], int64(1), freedom, n)
         freedom -= 1
         if firm and freedom == 0:
             share = 1.0
@@ -348,7 +356,20 @@ def _serve(  # type: ignore[no-untyped-def]
                     sides[0, i] -= J[r, c] * origin[c]
                     sides[1, i] += J[r, c] * (base[c] - origin[c])
             rank = invert(
-                J, order, k, Z[:, :n], freedom, rule, smallest, sides, answers, 2, B, W, U, S
+                J,
+                order,
+                k,
+                Z[:, :n],
+                freedom,
+                rule,
+                smallest,
+                sides,
+                answers,
+                int64(2),
+                B,
+                W,
+                U,
+                S,
             )
             if rank < full:
                 break
@@ -366,14 +387,32 @@ def _serve(  # type: ignore[no-untyped-def]
     return DONE, found
 
 
-@njit(cache=True)
-def _recur(  # type: ignore[no-untyped-def]
-    J, asked, feedforward, velocity, acts, starts, rules, basis, tolerance, bounded, low, high,
-    firm_low, firm_high, sided, weight, work, shares, stops, settling, offset, errors, hessians,
-    bends, before, change, dt, qd,
+@inner
+def recur(  # type: ignore[no-untyped-def]
+    J, asked, feedforward, velocity, acts, starts, rules, basis, tolerance, bounded, brief, low,
+    high, firm_low, firm_high, sided, weight, work, shares, stops, settling, offset, errors,
+    hessians, bends, before, change, dt, qd,
 ):  # fmt: skip
-    """Resolve levels one after the other, inside the bounds or without any; see `resolve`."""
+    """Resolve levels one after the other, inside the bounds or without any; see `resolve`.
+
+    Parameters
+    ----------
+    J, asked, feedforward, velocity, acts, sided
+        Jacobian (K, n) of all rows: those of the n joints, which are the unit matrix, then those
+        of all levels; what each asks for (K,), the part of it that is no gain term, and the
+        result, see `resolve`; whether it is to have its velocity, and whether that is a bound.
+    basis, weight, errors, bends
+        As ``metric`` and ``known`` of `resolve`.
+    bounded, brief
+        Whether there are bounds; whether it is over where an answer without them breaks one.
+    offset
+        First row that has an error: n.
+    starts, rules, tolerance, low, high, firm_low, firm_high, work, shares, stops, settling, \
+    hessians, before, change, dt, qd
+        As `resolve`.
+    """
     n = qd.size
+    outside = False
     shares[:] = 1.0
     stops[:] = -1
     N, spare, B, W, Z = work[0], work[1], work[2], work[3], work[5]
@@ -406,7 +445,7 @@ def _recur(  # type: ignore[no-untyped-def]
             if k > 0 and m > 0:
                 smallest = tolerance * math.sqrt(square)
                 full = invert(
-                    J, order, k, N[:, :n], m, rule, smallest, sides, answers, 1, B, W, U, S
+                    J, order, k, N[:, :n], m, rule, smallest, sides, answers, int64(1), B, W, U, S
                 )
                 lengths[count] = 0.0
                 for j in range(m):
@@ -456,8 +495,10 @@ def _recur(  # type: ignore[no-untyped-def]
         if result != DONE:
             return result
         # Levels below may lead back inside; what this one gets may not depend on that.
-        if not bounded and not _keeps(J, velocity, low, high, sided, end, qd):
-            return OUTSIDE
+        if not (bounded or outside) and not _keeps(J, velocity, low, high, sided, end, qd):
+            if brief:
+                return OUTSIDE
+            outside = True
         verdicts[level] = found
         shares[level] = share_of[0]
         if found != NOTHING and m > 0:
@@ -501,10 +542,10 @@ def _recur(  # type: ignore[no-untyped-def]
     for c in range(n):
         if not math.isfinite(qd[c]):
             return FAILED
-    return DONE
+    return OUTSIDE if outside else DONE
 
 
-@njit(cache=True)
+@inner
 def _least_rates(J, velocity, sided, first, end, qd, floor):  # type: ignore[no-untyped-def]
     """Fill the least rates (K,) of a level's one-sided rows: what they have if that is less."""
     for r in range(first, end):
@@ -515,7 +556,7 @@ def _least_rates(J, velocity, sided, first, end, qd, floor):  # type: ignore[no-
             floor[r] = min(velocity[r], rate)
 
 
-@njit(cache=True)
+@inner
 def _broken(J, velocity, sided, first, end, qd, order, residual, stops, level):  # type: ignore[no-untyped-def]
     """List a level's one-sided rows that are broken; their number and squared norm."""
     k, square = 0, 0.0
@@ -535,7 +576,7 @@ def _broken(J, velocity, sided, first, end, qd, order, residual, stops, level): 
     return k, square
 
 
-@njit(cache=True)
+@inner
 def _keeps(J, velocity, low, high, sided, end, qd):  # type: ignore[no-untyped-def]
     """Whether a velocity (n,) keeps all bounds and the least rates of rows before ``end``."""
     n = qd.size
@@ -557,38 +598,34 @@ def _keeps(J, velocity, low, high, sided, end, qd):  # type: ignore[no-untyped-d
     int64(
         ROWS,
         COLUMN,
-        COLUMN,
-        COLUMN,
-        boolean[::1],
+        ROWS,
+        CUBE,
+        int64,
+        int64,
+        ROWS,
+        ROWS,
+        boolean[:, ::1],
         int64[::1],
         ROWS,
-        ROWS,
+        CUBE,
         float64,
         FIXED,
         FIXED,
         FIXED,
         FIXED,
-        boolean[::1],
-        ROWS,
-        float64[:, :, ::1],
         COLUMN,
-        int64[::1],
-        int64,
-        int64,
         COLUMN,
+        float64,
         CUBE,
         COLUMN,
-        COLUMN,
-        COLUMN,
-        float64,
+        int64[::1],
         COLUMN,
     ),
     cache=True,
 )
 def resolve(  # type: ignore[no-untyped-def]
-    J, asked, feedforward, velocity, acts, starts, rules, basis, tolerance, low, high, firm_low,
-    firm_high, sided, weight, work, shares, stops, settling, offset, errors, hessians, bends,
-    before, change, dt, qd,
+    J, velocity, known, hessians, settling, wanted, rows, values, flags, starts, rules, metric,
+    tolerance, low, high, firm_low, firm_high, before, change, dt, work, shares, stops, qd,
 ):  # fmt: skip
     """Resolve levels one after the other inside the bounds.
 
@@ -602,50 +639,52 @@ def resolve(  # type: ignore[no-untyped-def]
     Parameters
     ----------
     J
-        Rows (K, n): those of the n joints, which are the unit matrix, then those of all levels,
-        highest first.
-    asked
-        Desired task velocity (K,), of one-sided rows the least one.
-    feedforward
-        The part (K,) of it that is no gain term.
+        Rows of all levels (k, n), highest first.
     velocity
-        Result: the desired task velocity (K,) with gain terms that are small enough for the
-        joints to brake at the targets.
-    acts
-        Which of the rows are to have their velocity (K,); no one-sided ones.
+        Desired task velocity (k,), of one-sided rows the least one; result: the same with gain
+        terms that are small enough for the joints to brake at the targets.
+    known
+        Error, feedforward and a bound on the second derivative (3, E) of each of the first rows;
+        what others ask for is no gain term.
+    hessians
+        The second derivatives (E, n, n) of their variables.
+    settling
+        `PLAIN`: the published laws alone. Else levels that cannot get what they ask for are
+        settled, see `settling`: `BENT` with second derivatives that are known, `SIMPLE` without.
+    wanted
+        `BRIEF`, `WHOLE` or `ALONE`; other than `BRIEF`, the answer without bounds is in the rows
+        `FREE` and `SLOWED` of the workspace.
+    rows, values
+        Space for the rows of the joints, which are the unit matrix, and those of J (n + k, n),
+        and for what they ask for (3, n + k).
+    flags
+        Which of these are to have their velocity, no one-sided ones; which are one-sided
+        (2, n + k).
     starts
-        First row of every level, then K (levels + 1,).
+        First row of every level, that of the joints included, then n + k (levels + 1,).
     rules
         λ and ε of every level (levels, 2), see `invert`.
-    basis
-        Rows (n, n) that span the joint velocities, orthonormal in the metric to minimise.
+    metric
+        Rows (n, n) that span the joint velocities, orthonormal in the metric to minimise, and
+        that metric: (2, n, n).
     tolerance
         Singular values below this times ‖J‖ (Frobenius) count for nothing.
     low, high
         Bounds (n,) of the joints' velocities; infinite if there is none.
     firm_low, firm_high
         Bounds (n,) by the ends of the joints' ranges: along these a level slides.
-    sided
-        Which rows are one-sided (K,).
-    weight
-        The metric (n, n), in which the basis is orthonormal.
-    work
-        Space to work in, see `workspace`.
-    shares
-        Share (levels,) of what is left to each level that it gets, from 0 to 1; a result.
-    stops
-        First level that each joint's range or one-sided row (K,) stopped, -1 if none; a result.
-    settling
-        `PLAIN`: the published laws alone. Else levels that cannot get what they ask for are
-        settled, see `settling`: `BENT` with second derivatives that are known, `SIMPLE` without.
-    offset, errors, hessians, bends
-        First row that has an error, and for the rows from there on their errors (E,), the
-        second derivatives (E, n, n) of their variables, and bounds (E,) on those.
     before
         Velocity (n,) that the joints have; zero for those whose velocity may change at once.
     change, dt
         By how much the velocity of each joint may change (n,) from step to step, and the time
         [s] of one; without limits of acceleration the time is infinite.
+    work
+        Space to work in, see `workspace`.
+    shares
+        Share (levels,) of what is left to each level that it gets, from 0 to 1; a result.
+    stops
+        First level that each joint's range or one-sided row (n + k,) stopped, -1 if none; a
+        result.
     qd
         Joint velocity (n,), the result.
 
@@ -655,20 +694,40 @@ def resolve(  # type: ignore[no-untyped-def]
         `DONE`, `FAILED` if a Jacobian or the result is not finite, or `UNKNOWN` if second
         derivatives are needed.
     """
-    result = _recur(
-        J, asked, feedforward, velocity, acts, starts, rules, basis, tolerance, boolean(False),
-        low, high, firm_low, firm_high, sided, weight, work, shares, stops, settling, offset,
-        errors, hessians, bends, before, change, dt, qd,
-    )  # fmt: skip
-    if result != OUTSIDE and (
-        result != DONE or _keeps(J, velocity, low, high, sided, velocity.size, qd)
-    ):
-        return result
-    return _recur(
-        J, asked, feedforward, velocity, acts, starts, rules, basis, tolerance, boolean(True),
-        low, high, firm_low, firm_high, sided, weight, work, shares, stops, settling, offset,
-        errors, hessians, bends, before, change, dt, qd,
-    )  # fmt: skip
+    n, k, e = qd.size, J.shape[0], known.shape[1]
+    asked, feedforward, slowed = values[0], values[1], values[2]
+    for r in range(k):
+        asked[n + r] = velocity[r]
+        feedforward[n + r] = known[FEEDFORWARD, r] if r < e else velocity[r]
+        for c in range(n):
+            rows[n + r, c] = J[r, c]
+    free = work[FREE][:n]
+    bounded = boolean(False)
+    for _ in range(2):
+        result = recur(
+            rows, asked, feedforward, slowed, flags[0], starts, rules, metric[0], tolerance,
+            bounded, wanted == BRIEF, low, high, firm_low, firm_high, flags[1], metric[1], work,
+            shares, stops, settling, n, known[ERRORS], hessians, known[BENDS], before, change, dt,
+            qd if bounded else free,
+        )  # fmt: skip
+        if bounded or result in (UNKNOWN, FAILED):
+            break
+        if wanted != BRIEF:
+            for r in range(k):
+                work[SLOWED][r] = slowed[n + r]
+        keeps = result == DONE
+        if keeps:
+            keeps = _keeps(rows, slowed, low, high, flags[1], n + k, free)
+        if keeps or wanted == ALONE:
+            for c in range(n):
+                qd[c] = free[c]
+            result = DONE
+            break
+        bounded = boolean(True)
+    if result == DONE:
+        for r in range(k):
+            velocity[r] = slowed[n + r]
+    return result
 
 
 @njit(float64(COLUMN, FIXED), cache=True)

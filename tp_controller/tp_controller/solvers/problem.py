@@ -93,12 +93,10 @@ class Curvature(NamedTuple):
     See `approach` and `settling`.
     """
 
-    errors: Vector
-    """Errors (K,), zero for rows that have none."""
-    feedforward: Vector
-    """The part (K,) of the desired velocities that is no gain term."""
-    bends: Vector
-    """Bounds (K,) on the second derivatives of the variables by unit joint motions."""
+    rows: NDArray[np.float64]
+    """Of every row (3, K): the error, zero for rows that have none; the part of the desired
+    velocity that is no gain term; a bound on the second derivative of the variable by unit joint
+    motions."""
     hessians: NDArray[np.float64]
     """Second derivatives (K, n, n) of the variables, as they were filled last."""
     fill: Callable[[], None]
@@ -107,5 +105,4 @@ class Curvature(NamedTuple):
     @classmethod
     def none(cls, n: int) -> Curvature:
         """Nothing known: the published laws alone."""
-        none = np.zeros(0)
-        return cls(none, none, none, np.zeros((0, n, n)), lambda: None)
+        return cls(np.zeros((3, 0)), np.zeros((0, n, n)), lambda: None)

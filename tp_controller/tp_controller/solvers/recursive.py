@@ -25,6 +25,7 @@ class RecursiveSolver(Solver):
     type = 'recursive'
     settles = True
     one_by_one = True
+    compiled = True
 
     def arrange(self, levels: Levels) -> Levels:
         """Groups of tasks that are inverted together: every level by itself."""

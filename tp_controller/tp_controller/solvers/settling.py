@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import math
 
-from tp_controller.compiled import njit
+from tp_controller.compiled import inner
 
 LOST = 4.0
 """A direction is lost where the curvature is above so many times s²."""
@@ -53,15 +53,16 @@ NOTHING, LOSES, UNKNOWN, LEAVES = 0, 1, 2, 3
 derivatives are needed; the answer stays, but levels below may not make it worse."""
 
 
-@njit(cache=True)
-def orthogonalise(B, W, p, q):  # type: ignore[no-untyped-def]
-    """Turn the p rows (q,) of B until they are orthogonal; W (p, p) is the turn.
+@inner
+def orthogonalise(B, W, p, q, turns):  # type: ignore[no-untyped-def]
+    """Turn the p rows (q,) of B until they are orthogonal; W (p, p) is the turn, if it ``turns``.
 
     One-sided Jacobi (Hestenes 1958): afterwards the rows are right singular vectors times
     singular values, and the rows of W the left singular vectors.
     """
-    for i in range(p):
-        for j in range(p):
+    w = p if turns else 0
+    for i in range(w):
+        for j in range(w):
             W[i, j] = 1.0 if i == j else 0.0
     for _ in range(SWEEPS):
         turned = False
@@ -84,14 +85,14 @@ def orthogonalise(B, W, p, q):  # type: ignore[no-untyped-def]
                 for c in range(q):
                     a, b = B[i, c], B[j, c]
                     B[i, c], B[j, c] = cosine * a - sine * b, sine * a + cosine * b
-                for c in range(p):
+                for c in range(w):
                     a, b = W[i, c], W[j, c]
                     W[i, c], W[j, c] = cosine * a - sine * b, sine * a + cosine * b
         if not turned:
             return
 
 
-@njit(cache=True)
+@inner
 def keep(N, m, B, U, S, order, k, rank, count, taken, rows, lengths):  # type: ignore[no-untyped-def]
     """Note the directions that a level takes, for the multipliers of levels below.
 
@@ -125,7 +126,7 @@ def keep(N, m, B, U, S, order, k, rank, count, taken, rows, lengths):  # type: i
     return count + rank
 
 
-@njit(cache=True)
+@inner
 def _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull):  # type: ignore[no-untyped-def]
     """Fill the weights (K,) of rows above ``first`` that balance those of a level.
 
@@ -153,7 +154,7 @@ def _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull):
                     pull[c] -= share * J[r, c]
 
 
-@njit(cache=True)
+@inner
 def _curvature(weights, end, hessians, offset, N, m, raw, out):  # type: ignore[no-untyped-def]
     """Fill ``-Σ wᵣ ∂²σᵣ/∂q²`` (m, m) in coordinates of the m rows (n,) of a basis."""
     n = N.shape[1]
@@ -177,15 +178,15 @@ def _curvature(weights, end, hessians, offset, N, m, raw, out):  # type: ignore[
             out[a, b] = out[b, a] = total
 
 
-@njit(cache=True)
+@inner
 def _closeness(s, near):  # type: ignore[no-untyped-def]
     """How close a singular value is to being lost: 1 up to ``near / 2``, nothing from there on."""
     return min(max(2.0 - 2.0 * s / near, 0.0), 1.0)
 
 
-@njit(cache=True)
-def _eigenvectors(A, W, m):  # type: ignore[no-untyped-def]
-    """Fill the rows of W (m, m) with the eigenvectors of a symmetric matrix A (m, m).
+@inner
+def _eigenvectors(A, W, m, turns):  # type: ignore[no-untyped-def]
+    """Fill the rows of W (m, m) with the eigenvectors of a symmetric matrix A (m, m), if told to.
 
     Returns
     -------
@@ -199,11 +200,11 @@ def _eigenvectors(A, W, m):  # type: ignore[no-untyped-def]
     norm = math.sqrt(norm)
     for a in range(m):
         A[a, a] += norm
-    orthogonalise(A, W, m, m)
+    orthogonalise(A, W, m, m, turns)
     return norm
 
 
-@njit(cache=True)
+@inner
 def _largest(A, B, S, near, m, rank, raw, W):  # type: ignore[no-untyped-def]
     """Largest eigenvalue, or 0, of a curvature (m, m) without the regular directions of a level.
 
@@ -230,7 +231,7 @@ def _largest(A, B, S, near, m, rank, raw, W):  # type: ignore[no-untyped-def]
                 along += B[i, b] * raw[a, b]
             for b in range(m):
                 raw[a, b] -= regular * along * B[i, b]
-    shift = _eigenvectors(raw, W, m)
+    shift = _eigenvectors(raw, W, m, False)
     largest = 0.0
     for a in range(m):
         length = 0.0
@@ -240,7 +241,7 @@ def _largest(A, B, S, near, m, rank, raw, W):  # type: ignore[no-untyped-def]
     return largest
 
 
-@njit(cache=True)
+@inner
 def settle(  # type: ignore[no-untyped-def]
     J, order, k, first, end, acts, errors, hessians, bends, known, offset,
     N, m, rank, B, U, S, side, present, rule, square, followed,
@@ -327,8 +328,7 @@ def settle(  # type: ignore[no-untyped-def]
     # How far each direction is lost: not at all up to a curvature of LOST s².
     _curvature(weights, end, hessians, offset, N, m, raw, A)
     edge = NEAR * math.sqrt(mean)
-    largest = _largest(A, B, S, edge, m, rank, raw, W)
-    most = 0.0
+    largest, most = math.nan, 0.0
     for i in range(rank):
         closeness = _closeness(S[i], edge)
         if closeness == 0.0:
@@ -341,7 +341,11 @@ def settle(  # type: ignore[no-untyped-def]
                 bend += B[i, a] * A[a, b] * B[i, b]
         # Far from its target the direction will have turned before it gets there.
         turned = min(max(abs(along) / (TURNED * S[i]) - 1.0, 0.0), 1.0) if S[i] > 0.0 else 1.0
-        bend = closeness * (bend + turned * (largest - bend)) - LOST * S[i] * S[i]
+        if turned > 0.0:
+            if math.isnan(largest):
+                largest = _largest(A, B, S, edge, m, rank, raw, W)
+            bend += turned * (largest - bend)
+        bend = closeness * bend - LOST * S[i] * S[i]
         if bend <= 0.0:
             continue
         share = bend / (S[i] * S[i] + bend)
@@ -385,7 +389,7 @@ def settle(  # type: ignore[no-untyped-def]
         asked += along * along
         for a in range(m):
             pull[a] += S[i] * along * B[i, a]
-    orthogonalise(A, W, m, m)
+    orthogonalise(A, W, m, m, True)
     mix = min(1.0, 2.0 * most)
     for a in range(m):
         answer[a] = (1.0 - mix) * answer[a] - mix * present[a]
@@ -402,7 +406,7 @@ def settle(  # type: ignore[no-untyped-def]
     return LOSES
 
 
-@njit(cache=True)
+@inner
 def hasten(  # type: ignore[no-untyped-def]
     J, first, end, hessians, bends, known, offset, N, m, rank, B, S, lost, count, taken, rows,
     lengths, weights, pull, raw, A, needed, answer,
@@ -450,7 +454,7 @@ def hasten(  # type: ignore[no-untyped-def]
     return NOTHING
 
 
-@njit(cache=True)
+@inner
 def reserve(  # type: ignore[no-untyped-def]
     J, first, end, k, square, hessians, offset, lost, count, taken, rows, lengths,
     weights, pull, raw, A, W, N, m,
@@ -466,7 +470,7 @@ def reserve(  # type: ignore[no-untyped-def]
         weights[r] = lost[r]
     _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull)
     _curvature(weights, end, hessians, offset, N, m, raw, A)
-    shift = _eigenvectors(A, W, m)
+    shift = _eigenvectors(A, W, m, True)
     if shift <= 1e-14 * mean:
         return m
     left = 0

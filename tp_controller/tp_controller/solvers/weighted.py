@@ -32,7 +32,7 @@ class WeightedSolver(Solver):
         roots = [np.full(task.k, task.weight) for task in tasks]
         self._roots = np.sqrt(np.concatenate([*roots, np.zeros(0)]))
         self._J, self._velocity = np.zeros((self.k, self.n)), np.zeros(self.k)
-        self._errors, self._feedforward = np.zeros((2, self.k))
+        self._known = np.zeros((3, self.k))
 
     def solve(
         self,
@@ -46,9 +46,8 @@ class WeightedSolver(Solver):
         np.multiply(J, self._roots[:, None], out=self._J)
         np.multiply(velocity, self._roots, out=self._velocity)
         if curvature is not None:
-            np.multiply(curvature.errors, self._roots, out=self._errors)
-            np.multiply(curvature.feedforward, self._roots, out=self._feedforward)
-            curvature = curvature._replace(errors=self._errors, feedforward=self._feedforward)
+            np.multiply(curvature.rows, self._roots, out=self._known)
+            curvature = curvature._replace(rows=self._known)
         scale = self._resolve(self._J, self._velocity, bounds, qd, curvature)
         np.divide(self._velocity, self._roots, out=velocity, where=self._roots > 0.0)
         return scale

@@ -46,6 +46,8 @@ class CompiledRows:
         parts = [(part, task, first) for task, first in self._tasks for part in task.parts]
         width = max([9, robot.n, *(len(part.places) for part, _, _ in parts)])
         self._revisions = [-1] * len(self._tasks)
+        # What was taken over last, by identity: most often only a target is new.
+        self._loaded: list[tuple[Vector | None, Matrix | None]] = [(None, None)] * len(self._tasks)
         self._feedforward = feedforward
         self._plan = np.full((len(parts), COLUMNS), -1, dtype=np.int64)
         self._places = np.zeros((len(parts), width), dtype=np.int64)
@@ -152,8 +154,11 @@ class CompiledRows:
         """Take over a task's target, gain and feedforward."""
         self._revisions[i] = task.revision
         _, feedforward, K = task.settings
-        self._gains[i, : task.k, : task.k] = K
-        self._feedforward[first : first + task.k] = feedforward
+        if K is not self._loaded[i][1]:
+            self._gains[i, : task.k, : task.k] = K
+        if feedforward is not self._loaded[i][0]:
+            self._feedforward[first : first + task.k] = feedforward
+        self._loaded[i] = feedforward, K
         for part, values in enumerate(task.part_values(), self._first_part[i]):
             self._values[part, : values.size] = values
 

@@ -64,6 +64,28 @@ def least_rates(distance, on, error, K, feedforward, margin, time, out):  # type
         out[i] = rate - max(distance[i] - margin, 0.0) / time
 
 
+@njit(void(FIXED, int64[::1], FIXED, FIXED, ROWS, COLUMN, ROWS), cache=True)
+def ends(q, coordinates, lower, upper, rates, distance, slope):  # type: ignore[no-untyped-def]
+    """Fill the distances (k,) of coordinates from the nearer ends and their derivative (k, n).
+
+    Parameters
+    ----------
+    q, coordinates
+        Configuration (nq,), and which of its coordinates count (k,).
+    lower, upper
+        Ends (k,) of their ranges.
+    rates
+        Derivative (k, n) of the coordinates by the joints.
+    distance, slope
+        Results.
+    """
+    for i in range(distance.size):
+        below, above = q[coordinates[i]] - lower[i], upper[i] - q[coordinates[i]]
+        distance[i], sign = (below, 1.0) if below < above else (above, -1.0)
+        for c in range(slope.shape[1]):
+            slope[i, c] = sign * rates[i, c] if rates[i, c] != 0.0 else 0.0
+
+
 @njit(void(FIXED, int64[::1], COLUMN, float64, FIXED_ROWS, COLUMN, ROWS), cache=True)
 def sphere(position, axes, center, radius, jacobian, distance, slope):  # type: ignore[no-untyped-def]
     """Fill the distance (1,) of a point from a sphere and its derivative (1, n).

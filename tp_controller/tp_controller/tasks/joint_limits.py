@@ -88,7 +88,7 @@ class JointLimitsTask(SetBasedTask):
         reach = robot.space.rate_bounds()[indices]
         super().__init__(name, robot, names, reach, period, switching)
         self._marked = np.zeros(len(names))
-        self._columns = robot.space.rates(robot.q)[indices].argmax(axis=1)
+        self._rates = robot.space.rates(robot.q)[indices]
         self.set(settings)
 
     @classmethod
@@ -147,15 +147,17 @@ class JointLimitsTask(SetBasedTask):
 
     def measure(self) -> None:
         """Fill the distances from the nearer ends and their derivative."""
-        q = self.robot.q[self._indices]
-        below = q - self._lower < self._upper - q
-        self.distance[:] = np.where(below, q - self._lower, self._upper - q)
-        sign = np.where(below, 1.0, -1.0)
         if self.bends:
-            rates = self.robot.space.rates(self.robot.q)[self._indices]
-            np.multiply(sign[:, None], rates, out=self._slope)
-        else:
-            self._slope[np.arange(self.k), self._columns] = sign
+            self._rates = self.robot.space.rates(self.robot.q)[self._indices]
+        self._compiled.ends(
+            self.robot.q,
+            self._indices,
+            self._lower,
+            self._upper,
+            self._rates,
+            self.distance,
+            self._slope,
+        )
 
     def probe(self, out: Vector, enough: Vector | None = None) -> None:
         """Write the distances (k,) at the robot's present configuration to ``out``."""
@@ -181,4 +183,4 @@ def _ends(key: str, values: Sequence[float] | None, otherwise: Vector) -> Vector
         raise InvalidValue(
             key, f'{len(values)} values {shown(values)}', f'1 value or {otherwise.size}'
         )
-    return np.broadcast_to(np.array(values, dtype=float), otherwise.shape)
+    return np.broadcast_to(np.array(values, dtype=float), otherwise.shape).copy()

@@ -104,6 +104,8 @@ class PositionTask(FrameTask):
 
     def part_values(self) -> tuple[Vector, ...]:
         """Target by coordinate, zero for those without."""
+        if self._target.size == 3:
+            return (self._target,)
         values = np.zeros(3)
         values[self._targeted] = self._target
         return (values,)

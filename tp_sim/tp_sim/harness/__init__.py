@@ -15,7 +15,7 @@ from tp_sim.harness.closed_loop import ClosedLoop
 from tp_sim.harness.document import edited, read_document, write_document
 from tp_sim.harness.domain import PrivateDomain
 from tp_sim.harness.errors import GoalRejected, HarnessError
-from tp_sim.harness.process import NodeProcess
+from tp_sim.harness.process import NodeProcess, Process, executable_path
 from tp_sim.harness.record import Record
 
 __all__ = [
@@ -25,8 +25,10 @@ __all__ = [
     'HarnessError',
     'NodeProcess',
     'PrivateDomain',
+    'Process',
     'Record',
     'edited',
+    'executable_path',
     'read_document',
     'write_document',
 ]

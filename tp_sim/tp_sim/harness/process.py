@@ -1,4 +1,4 @@
-"""A node's executable as a child process that never outlives its parent."""
+"""Commands and executables of nodes as child processes that never outlive their parent."""
 
 from __future__ import annotations
 
@@ -19,41 +19,29 @@ _LIBC = ctypes.CDLL(None)
 _PR_SET_PDEATHSIG = 1
 
 
-class NodeProcess:
-    """One running executable of a ROS package.
+class Process:
+    """One running command, with what it prints.
 
     Parameters
     ----------
-    package, executable
-        As in ``ros2 run <package> <executable>``.
-    parameter_file
-        Passed as ``--params-file``; None for none.
+    name
+        Its name in messages.
+    command
+        Program and arguments.
     environment
         Environment of the process, see `PrivateDomain.environment`.
-    ros_arguments
-        Further arguments after ``--ros-args``, such as ``-r __ns:=/arm_1``.
-    arguments
-        Arguments before ``--ros-args``.
-
-    Raises
-    ------
-    HarnessError
-        If the package is not built or has no such executable.
+    folder
+        Where it runs; None for where this process does.
     """
 
     def __init__(
         self,
-        package: str,
-        executable: str,
-        parameter_file: str | Path | None,
+        name: str,
+        command: Sequence[str],
         environment: dict[str, str],
-        ros_arguments: Sequence[str] = (),
-        arguments: Sequence[str] = (),
+        folder: str | Path | None = None,
     ) -> None:
-        self.name = executable
-        command = [str(_executable(package, executable)), *arguments, '--ros-args']
-        if parameter_file is not None:
-            command += ['--params-file', str(parameter_file)]
+        self.name = name
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 - closed by stop
         parent = os.getpid()
 
@@ -63,8 +51,9 @@ class NodeProcess:
                 os._exit(1)
 
         self._process = subprocess.Popen(
-            [*command, *ros_arguments],
+            command,
             env=environment,
+            cwd=folder,
             stdin=subprocess.DEVNULL,
             stdout=self._output,
             stderr=subprocess.STDOUT,
@@ -133,6 +122,11 @@ class NodeProcess:
         if self.running:
             self.signal(signal.SIGINT)
 
+    def kill(self) -> None:
+        """End it without asking it, and wait."""
+        self._process.kill()
+        self._process.wait()
+
     def stop(self) -> int:
         """Interrupt it and wait; return its exit status. It is killed after 5 s."""
         self.interrupt()
@@ -143,7 +137,51 @@ class NodeProcess:
             return self._process.wait()
 
 
-def _executable(package: str, executable: str) -> Path:
+class NodeProcess(Process):
+    """One running executable of a ROS package.
+
+    Parameters
+    ----------
+    package, executable
+        As in ``ros2 run <package> <executable>``.
+    parameter_file
+        Passed as ``--params-file``; None for none.
+    environment
+        Environment of the process, see `PrivateDomain.environment`.
+    ros_arguments
+        Further arguments after ``--ros-args``, such as ``-r __ns:=/arm_1``.
+    arguments
+        Arguments before ``--ros-args``.
+
+    Raises
+    ------
+    HarnessError
+        If the package is not built or has no such executable.
+    """
+
+    def __init__(
+        self,
+        package: str,
+        executable: str,
+        parameter_file: str | Path | None,
+        environment: dict[str, str],
+        ros_arguments: Sequence[str] = (),
+        arguments: Sequence[str] = (),
+    ) -> None:
+        command = [str(executable_path(package, executable)), *arguments, '--ros-args']
+        if parameter_file is not None:
+            command += ['--params-file', str(parameter_file)]
+        super().__init__(executable, [*command, *ros_arguments], environment)
+
+
+def executable_path(package: str, executable: str) -> Path:
+    """Path of an executable of a ROS package.
+
+    Raises
+    ------
+    HarnessError
+        If the package is not built or has no such executable.
+    """
     try:
         path = Path(get_package_prefix(package)) / 'lib' / package / executable
     except PackageNotFoundError:

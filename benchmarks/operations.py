@@ -1,0 +1,224 @@
+"""Whether limits and distances are kept while an operator works with a moving arm, in real time.
+
+The arm has delay, lag and noise, which the controller knows, and busy loops run beside it. Twice a
+second something happens at random: a goal, a goal by ``~/reach``, a path, a hold, a task switched
+off and on, another order of the hierarchy, a deactivation. The joints' true motion is judged. The
+exit status is 1 if a limit of speed was broken, a command changed by more than the limit of
+acceleration allows, or a distance was not positive.
+
+    python benchmarks/operations.py --seconds 60 --busy 4
+    python benchmarks/operations.py --type joint_state_position
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import Transform
+from lifecycle_msgs.srv import ChangeState
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool
+from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
+
+from tp_controller import Stack, build_settings
+from tp_sim.harness import ClosedLoop, GoalRejected
+from tp_sim.harness.document import edited, read_document
+
+CONFIG = Path(__file__).resolve().parent.parent / 'config' / 'panda_table.yaml'
+TASK = 'hand_position'
+GOALS = (
+    (0.45, 0.25, 0.1),
+    (0.5, 0.3, 0.35),
+    (0.2, -0.6, 0.4),
+    (0.5, 0.3, 0.85),
+    (0.9, 0.9, 0.2),
+    (0.3, 0.0, 0.6),
+)
+"""Some out of reach, some inside obstacles."""
+ORDERS = (
+    ['ranges', 'table + pillar + ball', 'self', 'posture', 'hand_position'],
+    ['ranges', 'table + pillar + ball', 'self', 'hand_position', 'posture'],
+)
+DELAY, LAG, NOISE = 2, 0.02, 5e-4
+"""Of the arm: periods, [s], [rad]."""
+WAY = 0.3
+"""Time [s] between the points of a path."""
+PAUSE = 0.5
+"""Time [s] after each operation."""
+ROUNDING = 1.01
+"""Stamps are rounded to nanoseconds, commands leave a little later or sooner."""
+
+
+class Operator:
+    """Does at random what an operator may do."""
+
+    def __init__(self, loop: ClosedLoop, seed: int) -> None:
+        self._loop, self._random = loop, random.Random(seed)
+        self.done: Counter[str] = Counter()
+
+    def act(self) -> None:
+        """Do one thing."""
+        kinds = ('goal', 'reach', 'path', 'hold', 'switch', 'order', 'deactivate')
+        kind = self._random.choice(kinds)
+        self.done[kind] += 1
+        try:
+            getattr(self, f'_{kind}')()
+        except GoalRejected:
+            self.done[f'{kind} refused'] += 1
+        self._loop.client.spin_for(PAUSE)
+
+    def _goal(self) -> None:
+        self._loop.send_goal(TASK, self._place())
+
+    def _reach(self) -> None:
+        self._loop.client.start_reach({TASK: self._place()}, time_limit=5.0)
+
+    def _path(self) -> None:
+        message = MultiDOFJointTrajectory()
+        for number in range(1, 4):
+            time = Duration(nanosec=round(1e9 * WAY * number))
+            transform = Transform()
+            place = transform.translation
+            place.x, place.y, place.z = self._place()
+            transform.rotation.w = 1.0
+            point = MultiDOFJointTrajectoryPoint(transforms=[transform], time_from_start=time)
+            message.points.append(point)
+        self._loop.client.publish(f'tp_controller/{TASK}/trajectory', message)
+
+    def _hold(self) -> None:
+        for hold in (True, False):
+            request = SetBool.Request(data=hold)
+            self._loop.client.call(SetBool, 'tp_controller/hold', request)
+            self._loop.client.spin_for(WAY)
+
+    def _switch(self) -> None:
+        name = self._random.choice(('posture', TASK))
+        for enabled in (False, True):
+            self._loop.set_parameters({f'tasks.{name}.enabled': enabled})
+            self._loop.client.spin_for(WAY)
+
+    def _order(self) -> None:
+        for order in ORDERS:
+            self._loop.set_parameters({'hierarchy': order})
+            self._loop.client.spin_for(WAY)
+
+    def _deactivate(self) -> None:
+        for label in ('deactivate', 'activate'):
+            request = ChangeState.Request()
+            request.transition.label = label
+            self._loop.client.call(ChangeState, 'tp_controller/change_state', request)
+
+    def _place(self) -> list[float]:
+        return list(self._random.choice(GOALS))
+
+
+class Record:
+    """What one topic with joints said."""
+
+    def __init__(self, messages: list[JointState], joints: list[str], field: str) -> None:
+        stamps = [message.header.stamp for message in messages]
+        self.times = np.array([stamp.sec + 1e-9 * stamp.nanosec for stamp in stamps])
+        self.values = np.array(
+            [
+                [getattr(message, field)[message.name.index(joint)] for joint in joints]
+                for message in messages
+            ]
+        )
+
+    def change(self, limit: NDArray[np.float64], period: float) -> float:
+        """Largest change per time between two messages, as a share of a limit (n,)."""
+        times = np.maximum(np.diff(self.times), period)
+        return float((np.abs(np.diff(self.values, axis=0)) / times[:, None] / limit).max())
+
+
+def run(config: Path, seconds: float, ideal: bool, kind: str, seed: int) -> bool:
+    """Operate, judge and print; return whether everything was kept."""
+    document = read_document(config)
+    period = 1.0 / float(document['/**']['rate'])
+    changes: dict[str, Any] = {'/**': {'command': {'type': kind}}}
+    if not ideal:
+        known = {'delay': DELAY * period, 'lag': LAG, 'noise': NOISE}
+        changes['/**']['robot'] = known
+        changes['tp_sim'] = {'plant': {'delay': DELAY, 'lag': [LAG], 'noise': [NOISE]}}
+    topic = 'joint_velocity_command' if kind == 'joint_state' else 'joint_position_command'
+    with ClosedLoop(edited(document, changes), lockstep=False) as loop:
+        true = loop.client.collect(JointState, 'tp_sim/true_joint_states')
+        sent = loop.client.collect(JointState, topic)
+        operator = Operator(loop, seed)
+        begin = loop.client.node.get_clock().now()
+        while (loop.client.node.get_clock().now() - begin).nanoseconds < 1e9 * seconds:
+            operator.act()
+        overruns, skipped = loop.client.state.overruns, loop.client.state.skipped
+        output = loop.controller.output
+    stack = build_settings(edited(document['/**'], document['tp_controller'])).stack
+    joints, limits = list(stack.robot.joints), stack.robot.limits
+    speed = np.abs(Record(true, joints, 'velocity').values) / limits.velocity
+    rows = [('speed of the joints, share of the limit', float(speed.max()), speed.max() <= 1.0)]
+    if kind == 'joint_state':
+        change = Record(sent, joints, 'velocity').change(limits.acceleration, period)
+        rows.append(('change of the command, share of the limit', change, change <= ROUNDING))
+    else:
+        change = Record(sent, joints, 'position').change(limits.velocity, period)
+        rows.append(('speed of the reference, share of the limit', change, change <= ROUNDING))
+    for name, distance in least_distances(stack, Record(true, joints, 'position')).items():
+        rows.append((f'least distance of {name} [mm or mrad]', 1e3 * distance, distance > 0.0))
+    table = Table(title=f'{len(sent)} commands, {overruns} late, {skipped} states skipped')
+    for column in ('', 'largest or least', 'kept'):
+        table.add_column(column, justify='left' if column == '' else 'right')
+    for name, value, kept in rows:
+        table.add_row(name, f'{value:.4g}', 'yes' if kept else '[red]no[/]')
+    console = Console(width=100)
+    console.print(table)
+    console.print(', '.join(f'{count} {what}' for what, count in sorted(operator.done.items())))
+    if 'Traceback' in output:
+        print(output, file=sys.stderr)
+        return False
+    return all(kept for _, _, kept in rows)
+
+
+def least_distances(stack: Stack, record: Record) -> dict[str, float]:
+    """Least distance of each set-based task, at one in five of the configurations."""
+    tasks = {name: task for name, task in stack.tasks.items() if task.set_based}
+    least = dict.fromkeys(tasks, np.inf)
+    for q in record.values[::5]:
+        stack.robot.update(q)
+        for name, task in tasks.items():
+            task.update()
+            least[name] = min(least[name], float(task.distances().min()))
+    return least
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--config', type=Path, default=CONFIG, help='the Panda at its table')
+    parser.add_argument('--seconds', type=float, default=60.0)
+    parser.add_argument('--busy', type=int, default=0, help='loops that keep processors busy')
+    parser.add_argument('--ideal', action='store_true', help='no delay, lag or noise')
+    parser.add_argument(
+        '--type', choices=('joint_state', 'joint_state_position'), default='joint_state'
+    )
+    parser.add_argument('--seed', type=int, default=0)
+    chosen = parser.parse_args()
+    loop = [sys.executable, '-c', 'while True: pass']
+    busy = [subprocess.Popen(loop) for _ in range(chosen.busy)]
+    try:
+        kept = run(chosen.config, chosen.seconds, chosen.ideal, chosen.type, chosen.seed)
+    finally:
+        for process in busy:
+            process.kill()
+    return 0 if kept else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,256 @@
+"""Executable that shows a running controller on a page in the browser."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import rclpy
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from tp_controller.config import read_parameter_file
+from tp_controller.errors import InvalidValue, TaskPriorityError
+from tp_controller.parameters import Flat
+from tp_controller.ros.arguments import one_line
+from tp_controller.ros.codecs import GOALS
+from tp_controller.ros.remote_parameters import RemoteParameters
+from tp_controller.ros.view_link import ViewLink
+from tp_controller.ros.view_model import ViewModel
+from tp_controller.ros.watch_table import Sight
+from tp_controller.ros.watcher import Watcher
+from tp_controller.view.page import Page
+from tp_controller.view.view import View
+
+REFUSED = 2
+PERIOD = 0.045
+"""Time [s] between two pictures."""
+RETRY = 2.0
+"""Time [s] after which a robot that could not be built is tried again."""
+FILE = 'stack.yaml'
+DEFAULT = 'tp_controller'
+
+
+def main() -> int:
+    """Show a controller until Ctrl-C.
+
+    Returns
+    -------
+    int
+        Exit status: 0; 2 if an argument cannot be used.
+    """
+    given = _parser().parse_args(remove_ros_args(sys.argv)[1:])
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    page: Page | None = None
+    node: Node | None = None
+    try:
+        parameters = read_file(given.config)
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        node = rclpy.create_node(f'tp_view_{os.getpid()}', start_parameter_services=False)
+        page = Page(given.host, given.port)
+        viewer = Viewer(node, page, given, parameters)
+        for line in greeting(page, given.port, given.read_only):
+            print(line, flush=True)
+        viewer.run()
+    except (InvalidValue, InvalidTopicNameException) as error:
+        return _refuse(str(error))
+    except RuntimeError as error:
+        if rclpy.ok():
+            raise
+        return _refuse(one_line(error))
+    except KeyboardInterrupt:
+        return 0
+    finally:
+        # A second Ctrl-C, of a terminal and a parent that passes it on, changes nothing.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if page is not None:
+            page.close()
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='view',
+        description='Show a running controller on a page in the browser, with targets to drag. '
+        'Ctrl-C ends it.',
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog='examples:\n'
+        '  ros2 run tp_controller view\n'
+        '  ros2 run tp_controller view --controller /arm_1/tp_controller --port 8081\n'
+        '  ros2 run tp_controller view --read-only --host 0.0.0.0',
+    )
+    parser.add_argument(
+        '--controller', default=DEFAULT, help='name of the node (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--simulator', default='tp_sim', help='name of the simulator (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--config',
+        type=Path,
+        help='parameter file of a robot that is shown until the controller answers',
+    )
+    parser.add_argument(
+        '--host',
+        default='127.0.0.1',
+        help='address to listen on; 0.0.0.0: all, open to the network (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--port',
+        type=int,
+        default=8080,
+        help='the next free one if it is taken; 0: any (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--read-only', action='store_true', help='nothing on the page moves or changes anything'
+    )
+    return parser
+
+
+def read_file(path: Path | None) -> Flat:
+    """Parameters of a controller in a file, none without one.
+
+    Raises
+    ------
+    InvalidValue
+        If the file cannot be used.
+    """
+    return {} if path is None else read_parameter_file(path, DEFAULT)
+
+
+def greeting(page: Page, port: int, read_only: bool) -> Sequence[str]:
+    """What the terminal says once the page is there."""
+    lines = [f'view: {page.address}']
+    if port not in (0, page.port):
+        lines[0] += f' (port {port} is taken)'
+    if page.open_to_network:
+        can = 'watch' if read_only else 'move the arm (--read-only: watch alone)'
+        lines.append(f'view: open to the network: whoever reaches this machine can {can}')
+    return lines
+
+
+def _refuse(message: str) -> int:
+    print(f'view: {message}', file=sys.stderr)
+    return REFUSED
+
+
+class Viewer:
+    """Brings together the page and the nodes.
+
+    Parameters
+    ----------
+    node
+        Listens and asks.
+    page
+        The page.
+    given
+        The arguments of the command line.
+    parameters
+        Of a controller that is shown until one answers.
+    """
+
+    def __init__(
+        self, node: Node, page: Page, given: argparse.Namespace, parameters: Flat
+    ) -> None:
+        self._page = page
+        self._watcher = Watcher(node, given.controller)
+        name = self._watcher.topic.removesuffix('/state')
+        namespace = name.rpartition('/')[0]
+        simulator = given.simulator
+        if '/' not in simulator:
+            simulator = f'{namespace}/{simulator}'
+        folder = Path.cwd() / FILE
+        self.view = View(page, tuple(GOALS), str(folder), given.read_only)
+        self._parameters = RemoteParameters(node, name)
+        self._model = ViewModel(node, namespace)
+        self._link: ViewLink | None = None
+        if not given.read_only:
+            self._link = ViewLink(node, name, simulator, page.say)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(node)
+        self._name = name
+        self._tasks: frozenset[str] = frozenset()
+        self._cycles, self._silent = 0, True
+        self._due = 0.0
+        self._wait = ''
+        self._built = False
+        if parameters:
+            self._build(parameters)
+            self._built = False
+
+    def run(self) -> None:
+        """Show until an exception, such as that of Ctrl-C."""
+        while True:
+            begin = time.monotonic()
+            self.work()
+            left = PERIOD - (time.monotonic() - begin)
+            if left > 0.0:
+                # Answers are taken meanwhile.
+                self._executor.spin_once(timeout_sec=left)
+                left = PERIOD - (time.monotonic() - begin)
+                if left > 0.0:
+                    time.sleep(left)
+
+    def work(self) -> None:
+        """Make one picture, and do what has been asked for since the last one."""
+        for _ in range(20):
+            self._executor.spin_once(timeout_sec=0.0)
+        sight = self._watcher.look()
+        self._follow_restarts(sight)
+        self._parameters.work()
+        if self._parameters.complete and not self._built and time.monotonic() >= self._due:
+            self._build(self._parameters.values)
+        self._take_model()
+        for wish in self.view.wishes.take():
+            if self._link is not None:
+                self._link.grant(wish, None if sight.silence else sight.state)
+        panel = self.view.panel
+        panel.wait(f'waiting for {self._name}: {sight.silence}' if sight.silence else self._wait)
+        if self._link is not None:
+            panel.show_simulator(self._link.simulated)
+        self.view.show(sight.state, sight.rate, self._parameters.values)
+
+    def _follow_restarts(self, sight: Sight) -> None:
+        """Ask for everything anew if the controller is another one, or has other tasks."""
+        state = sight.state
+        if state is None:
+            return
+        tasks = frozenset(task.name for task in state.tasks)
+        back = state.cycles < self._cycles or (self._silent and not sight.silence)
+        self._cycles, self._silent = state.cycles, bool(sight.silence)
+        if sight.silence or not (back or tasks != self._tasks):
+            return
+        self._tasks, self._built = tasks, False
+        self._parameters.ask_again()
+        if self._link is not None:
+            self._link.prepare(state)
+
+    def _build(self, parameters: Flat) -> None:
+        self._wait = self._model.build(parameters)
+        if self._wait:
+            self._wait = f'waiting for {self._wait}'
+            self._due = time.monotonic() + RETRY
+        else:
+            self._built = True
+
+    def _take_model(self) -> None:
+        try:
+            found = self._model.take_stack()
+        except TaskPriorityError as error:
+            self._wait = f'the robot cannot be drawn: {error}'
+            return
+        if found is not None:
+            self.view.set_stack(*found)
+        for visual in self._model.take_visuals():
+            self.view.add_visual(visual)

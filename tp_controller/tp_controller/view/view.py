@@ -1,0 +1,250 @@
+"""The page as a whole: takes states and a robot, gives what people ask for."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Collection, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from tp_controller.errors import TaskPriorityError
+from tp_controller.robot import Robot
+from tp_controller.stack import Stack
+from tp_controller.view.arm import ArmPicture
+from tp_controller.view.handles import Handles
+from tp_controller.view.page import Page
+from tp_controller.view.panel import Panel
+from tp_controller.view.paths import Paths
+from tp_controller.view.surroundings import Surroundings, frames_seen
+from tp_controller.view.task_folder import Range
+from tp_controller.view.visuals import Visual
+from tp_controller.view.wishes import Wishes
+
+TEXTS, PLOTS, PATHS, DISTANCES = 0.25, 0.25, 0.1, 0.1
+"""Times [s] between two pictures of these."""
+FIELD = math.radians(50.0)
+"""Vertical angle [rad] that the camera sees."""
+
+
+class _Drawn(NamedTuple):
+    """What is drawn of a robot."""
+
+    robot: Robot
+    arm: ArmPicture
+    paths: Paths
+    surroundings: Surroundings
+    handles: Handles
+
+
+class View:
+    """Shows a controller on a page.
+
+    Parameters
+    ----------
+    page
+        The page.
+    types
+        Types of tasks that take goals.
+    file
+        Proposed for the stack to be saved to.
+    read_only
+        Whether nothing can be asked for.
+    """
+
+    def __init__(
+        self, page: Page, types: Collection[str], file: str = '', read_only: bool = False
+    ) -> None:
+        self.wishes = Wishes()
+        """What people ask for."""
+        self._page, self._types = page, types
+        self._ask = None if read_only else self.wishes.add
+        self._scene = page.server.scene
+        self.panel = Panel(page.server.gui, file, self._ask)
+        self._drawn: _Drawn | None = None
+        self._names: tuple[str, ...] = ()
+        self._due: dict[str, float] = {}
+        self._begin = time.monotonic()
+        self._cycles = -1
+        self._shadows: bool | None = None
+
+    @property
+    def robot(self) -> Robot | None:
+        """The robot that is drawn; None before it is known."""
+        return None if self._drawn is None else self._drawn.robot
+
+    def set_stack(self, stack: Stack, same_robot: bool = False) -> None:
+        """Draw a robot, and the obstacles of its tasks, from now on.
+
+        Parameters
+        ----------
+        stack
+            Robot and tasks.
+        same_robot
+            Whether the robot looks as the one before, which then stays with its meshes.
+        """
+        robot, before = stack.robot, self._drawn
+        with self._page.server.atomic():
+            if same_robot and before is not None:
+                for name in ('/obstacles', '/targets', '/labels', '/distances'):
+                    self._scene.remove_by_name(name)
+                arm, paths = before.arm, before.paths
+                arm.robot = robot
+            else:
+                self._scene.reset()
+                arm = ArmPicture(self._scene, robot)
+                paths = Paths(self._scene, arm.extent)
+                self._furnish(robot, arm.extent, before is None)
+            around = Surroundings(self._scene, robot, stack.tasks.values())
+            handles = Handles(self._scene, robot, arm.extent, self._types, self._ask)
+            self._drawn = _Drawn(robot, arm, paths, around, handles)
+        self._names = ()
+        self._cycles = -1
+
+    def add_visual(self, visual: Visual) -> None:
+        """Show a mesh of a link of the robot."""
+        if self._drawn is not None:
+            self._drawn.arm.add_visual(visual)
+
+    def show(self, state: Any, rate: float, parameters: Mapping[str, Any]) -> None:
+        """Show a state, or the one before once more.
+
+        Parameters
+        ----------
+        state
+            The controller's state, None before the first.
+        rate
+            Commands per second [Hz], not a number if unknown.
+        parameters
+            The controller's parameters by dotted key, as far as they are known.
+        """
+        now = time.monotonic()
+        drawn = self._drawn
+        fits = drawn is not None and state is not None and self._take_tasks(state, drawn.robot)
+        with self._page.server.atomic():
+            if fits and drawn is not None:
+                self._draw(drawn, state)
+            if self._is_due('texts', TEXTS, now):
+                self.panel.refresh()
+                self.panel.follow(state, rate, parameters)
+            if fits:
+                self.panel.see(now - self._begin, state)
+                if self._is_due('plots', PLOTS, now) and self._page.watched:
+                    self.panel.draw_plots()
+
+    def _draw(self, drawn: _Drawn, state: Any) -> None:
+        now = time.monotonic()
+        robot, panel = drawn.robot, self.panel
+        moved = state.cycles != self._cycles
+        self._cycles = state.cycles
+        positions = np.array(state.position)
+        if moved and positions.size == robot.nq and np.all(np.isfinite(positions)):
+            order = [list(state.position_names).index(name) for name in robot.coordinates]
+            robot.update(positions[order])
+            drawn.paths.see(robot, frames_seen(state.tasks, robot.frames))
+        if not self._page.watched:
+            return
+        drawn.arm.follow()
+        shapes = bool(panel.shapes.value)
+        if shapes and not drawn.arm.has_shapes:
+            self._add_shapes(drawn)
+        drawn.arm.show(bool(panel.meshes.value), shapes)
+        self._light(bool(panel.shadows.value))
+        drawn.surroundings.follow(state.tasks)
+        drawn.handles.show(bool(panel.targets.value), bool(panel.obstacles.value))
+        drawn.handles.follow(state.tasks)
+        drawn.paths.show(bool(panel.paths.value))
+        if self._is_due('paths', PATHS, now):
+            drawn.paths.draw()
+        if self._is_due('distances', DISTANCES, now):
+            if panel.distances.value:
+                drawn.surroundings.measure(state.tasks)
+            else:
+                drawn.surroundings.hide_distances()
+
+    def _light(self, shadows: bool) -> None:
+        if self._shadows != shadows:
+            self._shadows = shadows
+            self._scene.configure_default_lights(cast_shadow=shadows)
+
+    def _add_shapes(self, drawn: _Drawn) -> None:
+        try:
+            drawn.arm.add_shapes(drawn.robot.bodies)
+        except TaskPriorityError as error:
+            drawn.arm.add_shapes({})
+            self._page.say(str(error))
+
+    def _take_tasks(self, state: Any, robot: Robot) -> bool:
+        """Make the panel fit the tasks of a state; return whether it has any."""
+        if not set(state.position_names) >= set(robot.coordinates):
+            return False
+        names = tuple(task.name for task in state.tasks)
+        if names != self._names:
+            self._names = names
+            ranges = {task.name: _ranges(robot, task, self._types) for task in state.tasks}
+            self.panel.set_tasks(state.tasks, ranges)
+        return bool(names)
+
+    def _is_due(self, what: str, period: float, now: float) -> bool:
+        if now < self._due.get(what, 0.0):
+            return False
+        self._due[what] = now + period
+        return True
+
+    def _furnish(self, robot: Robot, extent: float, first: bool) -> None:
+        """Put a grid under the arm, and the camera where all of it is seen, at the first time."""
+        flat = is_planar(robot)
+        reach = reach_of(robot, extent)
+        low = -0.08 * extent if flat else -0.001
+        self._scene.add_grid(
+            '/grid', 4.0 * reach, 4.0 * reach, cell_size=0.1, section_size=0.5,
+            cell_color=(232, 234, 237), section_color=(205, 208, 212), shadow_opacity=0.2,
+            position=(0.0, 0.0, low), plane='xy',
+        )  # fmt: skip
+        self._scene.add_frame('/base', axes_length=0.12 * extent, axes_radius=0.005 * extent)
+        if not first:
+            return
+        camera = self._page.server.initial_camera
+        camera.fov = FIELD
+        if flat:
+            away = 0.95 * reach / math.tan(0.5 * FIELD)
+            camera.look_at = (0.35 * reach, 0.1 * reach, 0.0)
+            # A little from below: exactly from above the camera could not turn.
+            camera.position = (0.35 * reach, 0.1 * reach - 0.12 * away, away)
+        else:
+            away = 0.85 * reach / math.tan(0.5 * FIELD)
+            aim = np.array([0.25, 0.25, 0.33]) * reach
+            camera.look_at = aim
+            camera.position = aim + away * np.array([0.86, 0.22, 0.4])
+
+
+def _ranges(robot: Robot, task: Any, types: Collection[str]) -> dict[str, Range]:
+    """Range of each joint of a task whose target is positions of joints; else none."""
+    names = list(task.target_components)
+    if task.type not in types or task.frame or not names or task.type == 'obstacle':
+        return {}
+    if not set(names) <= set(robot.joints):
+        return {}
+    limits = robot.limits
+    found = {}
+    for name in names:
+        i = robot.joints.index(name)
+        least, most = float(limits.position_min[i]), float(limits.position_max[i])
+        found[name] = (
+            least if math.isfinite(least) else -math.pi,
+            most if math.isfinite(most) else math.pi,
+        )
+    return found
+
+
+def is_planar(robot: Robot) -> bool:
+    """Whether nothing of the robot leaves a plane of constant z."""
+    return bool(np.all(np.abs(robot.twists[:, [2, 3, 4]]) < 1e-9))
+
+
+def reach_of(robot: Robot, extent: float) -> float:
+    """How far [m] the robot gets from its base, roughly."""
+    found = [float(np.max(robot.reach(frame))) for frame in robot.frames]
+    finite = [value for value in found if math.isfinite(value) and value > 0.0]
+    return max([*finite, 0.5 * extent])
