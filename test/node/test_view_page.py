@@ -89,7 +89,7 @@ def drive(browser, loop):
     browser.click(text_element('down'))
     client.wait_for(lambda: client.task('ee_position').level == 1, 'the task one level lower')
     assert client.task('joint_1_position').level == 0
-    browser.click("document.querySelector('input[type=checkbox]')")
+    browser.click(text_element('on'))
     client.wait_for(lambda: not client.task('ee_position').enabled, 'the task off')
     browser.click(text_element('Hold'))
     client.wait_for(lambda: loop.state.held, 'the hold')
