@@ -18,6 +18,7 @@ class PageClient:
             subprotocols=[f'viser-v{__version__}'],
             origin=origin,
             max_size=None,
+            close_timeout=1.0,
             compression=None,
         )
         self.messages = []

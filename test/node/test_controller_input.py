@@ -141,9 +141,6 @@ def test_when_states_stop_the_command_goes_to_zero_and_resumes(lone_controller):
     zeros = controller.commands[1:]
     assert len(zeros) > 10, 'zero commands are repeated'
     assert not any(any(command.velocity) for command in zeros)
-    # The arm may be elsewhere by now, and the frame with it.
-    with pytest.raises(GoalRejected, match='while no joint states come'):
-        client.send_goal('ee_position', [0.1, 0.2], frame='link_1')
     assert controller.ask(START) == before
     client.wait_for(lambda: controller.state.status == ControllerState.RUNNING, 'running')
 

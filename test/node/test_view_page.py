@@ -2,6 +2,7 @@
 
 import io
 import math
+import os
 
 import numpy as np
 import pytest
@@ -35,6 +36,10 @@ def near(picture, place, color, reach=6):
 
 
 @pytest.mark.timeout(600)
+@pytest.mark.skipif(
+    os.environ.get('BROWSER') != '1',
+    reason='the page in the browser is not tried out by a mouse; make test BROWSER=1 does that',
+)
 @pytest.mark.skipif(
     chromium() is None,
     reason=f'no Chromium (none of {", ".join(NAMES)}): the page in the browser is not tried out',

@@ -37,7 +37,8 @@ class Frames:
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self.robot_seen = False
-        """Whether the robot's configuration is known: while an active node gets joint states."""
+        """Whether the robot's configuration is known: after the first joint state since the node
+        became active."""
 
     def named(self, frame_id: str, otherwise: Frame) -> Frame:
         """Frame of a message's header; another one if the name is empty.
@@ -54,8 +55,8 @@ class Frames:
         if not self.robot_seen:
             raise InvalidValue(
                 'header.frame_id',
-                f'{shown(frame_id)} while no joint states come',
-                f"'' or {otherwise.name} until they do",
+                f'{shown(frame_id)} before the first joint state',
+                f"'' or {otherwise.name} until then",
             )
         return robot.base if frame_id == robot.base_frame else robot.frame(frame_id)
 

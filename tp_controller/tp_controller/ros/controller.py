@@ -474,7 +474,6 @@ class ControllerNode(ManagedNode):
                 self._warnings.warn(f'{task.name} contact', notice)
         now = time.monotonic()
         if self._cycle.look():
-            self._inputs.robot_lost()
             self._brake()
             self._brake_at = now + self._cycle.braking_period
             self._heartbeat_at = -math.inf

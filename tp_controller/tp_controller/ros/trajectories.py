@@ -117,7 +117,7 @@ class Trajectories:
         """
         stack = self._stack
         if not frames.robot_seen:
-            raise InvalidValue('trajectory', 'one while no joint states come', 'later ones')
+            raise InvalidValue('trajectory', 'one before the first joint state', 'later ones')
         self._refuse_at_rest('trajectory')
         if stack.level_of(task.name) < 0:
             got = 'one for a task that is not in the hierarchy'

@@ -45,7 +45,7 @@ def main() -> int:
     Returns
     -------
     int
-        Exit status: 0; 2 if an argument cannot be used.
+        Exit status 2: an argument cannot be used. After Ctrl-C the process ends here, with 0.
     """
     given = _parser().parse_args(remove_ros_args(sys.argv)[1:])
     signal.signal(signal.SIGTERM, signal.default_int_handler)
@@ -59,6 +59,9 @@ def main() -> int:
         viewer = Viewer(node, page, given, parameters)
         for line in greeting(page, given.port, given.read_only):
             print(line, flush=True)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            # An exception could come while something is collected or called back, and be lost.
+            signal.signal(number, viewer.stop)
         viewer.run()
     except (InvalidValue, InvalidTopicNameException) as error:
         return _refuse(str(error))
@@ -67,7 +70,7 @@ def main() -> int:
             raise
         return _refuse(one_line(error))
     except KeyboardInterrupt:
-        return 0
+        pass
     finally:
         # A second Ctrl-C, of a terminal and a parent that passes it on, changes nothing.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -76,7 +79,9 @@ def main() -> int:
         if node is not None:
             node.destroy_node()
         rclpy.try_shutdown()
-    return 0
+    # The interpreter would wait for the thread that reads meshes.
+    sys.stdout.flush()
+    os._exit(0)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -177,6 +182,7 @@ class Viewer:
         self._link: ViewLink | None = None
         if not given.read_only:
             self._link = ViewLink(node, name, simulator, page.say)
+        self._stopped = False
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(node)
         self._name = name
@@ -190,8 +196,8 @@ class Viewer:
             self._built = False
 
     def run(self) -> None:
-        """Show until an exception, such as that of Ctrl-C."""
-        while True:
+        """Show until `stop` is called."""
+        while not self._stopped:
             begin = time.monotonic()
             self.work()
             left = PERIOD - (time.monotonic() - begin)
@@ -201,6 +207,10 @@ class Viewer:
                 left = PERIOD - (time.monotonic() - begin)
                 if left > 0.0:
                     time.sleep(left)
+
+    def stop(self, *_: object) -> None:
+        """Let `run` end after the present picture; may be the handler of a signal."""
+        self._stopped = True
 
     def work(self) -> None:
         """Make one picture, and do what has been asked for since the last one."""
