@@ -114,8 +114,8 @@ make_venv() {
   rm -rf .venv build install
   if [ "$ros" = wheels ]; then install_wheels; else install_beside_system; fi
   # Once and on all cores, not by every node anew where Python may not write beside the sources.
-  # Some packages carry sources for other Pythons, which cannot be compiled.
-  .venv/bin/python -m compileall -q -j 0 .venv/lib >>"$log" 2>&1 || true
+  # Not what no node loads. Some packages carry sources for other Pythons, which cannot be compiled.
+  .venv/bin/python -m compileall -q -j 0 -x '/(numba|llvmlite|pip|setuptools|mypy|mypyc|docutils|pygments)/' .venv/lib >>"$log" 2>&1 || true
   echo "$ros" >.venv/ros
   venv_state >.venv/state
 }

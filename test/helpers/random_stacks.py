@@ -15,7 +15,7 @@ AXES = ('x', 'y', 'z', 'xy', 'xz', 'yz', 'xyz')
 TASK_TYPES = ('position', 'orientation', 'pose', 'joint')
 
 
-SHARE = float(os.environ.get('EXAMPLES', '0.4'))
+SHARE = float(os.environ.get('EXAMPLES', '0.25'))
 """Part of the examples that is tried; the variable EXAMPLES makes it larger or smaller."""
 
 
