@@ -54,6 +54,27 @@ def test_states_that_waited_are_old_by_the_time_of_their_sending():
     )
 
 
+def test_a_first_state_that_waited_is_old_until_the_clock_has_shown_that_it_is_behind():
+    """A process that starts may get one first that was sent a second ago."""
+    feed = Feed()
+    feed.watch = StateWatch(LIMIT, PERIOD, wall=-1000.0)
+    assert feed.give(0.0, sent=1000.0 + feed.now + PERIOD - 1.25).age == pytest.approx(1.25)
+    assert feed.give(0.0, sent=1000.0 + feed.now + PERIOD - 0.001).age < 1e-6
+    behind = Feed()
+    behind.watch = StateWatch(LIMIT, PERIOD, wall=-1000.0)
+    ages = [behind.give(0.0, sent=995.0 + behind.now + PERIOD).age for _ in range(120)]
+    assert ages[:90] == pytest.approx([5.0] * 90)
+    assert max(ages[-10:]) < 1e-6
+    assert 'is behind, or was set back, by 5 s' in behind.watch.note()
+
+
+def test_clocks_that_differ_by_less_than_the_limit_make_no_state_old():
+    feed = Feed()
+    feed.watch = StateWatch(LIMIT, PERIOD, wall=-1000.0)
+    assert feed.give(0.0, sent=1000.0 + feed.now + PERIOD - 0.08).age == 0.0
+    assert feed.give(0.0, sent=1000.0 + feed.now + PERIOD + 0.02).age == 0.0
+
+
 def test_without_any_clock_a_state_may_be_as_old_as_the_last_look():
     assert Feed().give(0.0, idle=0.7).age == 0.7
     assert Feed().give(5.0, idle=0.7).age == 0.7, 'stamps count once they are known to run along'

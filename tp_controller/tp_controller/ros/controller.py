@@ -118,7 +118,7 @@ class ControllerNode(ManagedNode):
             list(self._listen(task))
         if self._settings.values[START] == HOLD:
             self._warn_of_feedforwards('from the start, though start is hold')
-        watch = StateWatch(limit, period)
+        watch = StateWatch(limit, period, time.monotonic() - time.time())
         intake = self._intake = Intake(self, watch)
         reference = None
         if values['command.type'] in POSITION_TYPES:

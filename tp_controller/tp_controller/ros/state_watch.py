@@ -54,17 +54,20 @@ class Lag:
     ----------
     limit
         Lags [s] that differ by less come from one clock; more is old, or a clock that was set.
+    expected
+        Lag [s] if both clocks agree, which the first one is compared with; infinite if unknown.
 
     Attributes
     ----------
     steady
         Whether the other clock runs like the steady one.
     set_back
-        By how much [s] the other clock was found set back at the last call, else 0.
+        By how much [s] the other clock was found set back at the last call, else 0. If it was
+        behind from the start, by how much.
     """
 
-    def __init__(self, limit: float) -> None:
-        self._limit = limit
+    def __init__(self, limit: float, expected: float = math.inf) -> None:
+        self._limit, self._expected = limit, expected
         self._least = self._before = math.inf
         self._window_end = -math.inf
         self.steady = False
@@ -83,7 +86,11 @@ class Lag:
         if now >= self._window_end:
             self._before, self._least = self._least, math.inf
             self._window_end = now + WINDOW
-        age = lag - min(self._before, self._least, lag)
+        least = min(self._before, self._least)
+        if least == math.inf and lag > self._expected + self._limit:
+            # What comes first may have waited long.
+            least = self._expected
+        age = lag - min(least, lag)
         if age <= self._limit:
             self._old = _Run()
         elif self._old.add(lag, now) >= SHIFT and self._old.spread < self._limit:
@@ -138,6 +145,9 @@ class StateWatch:
         Age [s] at which a state may not move anything: ``timeouts.joint_state``.
     period
         Time [s] between states; infinite if unknown.
+    wall
+        Steady time of what is sent when the clock of this machine is zero [s]: senders' clocks
+        are taken to agree with it until states show for a while that they do not.
 
     Attributes
     ----------
@@ -151,10 +161,10 @@ class StateWatch:
         States that came after newer ones.
     """
 
-    def __init__(self, limit: float, period: float) -> None:
+    def __init__(self, limit: float, period: float, wall: float = math.inf) -> None:
         self._limit = limit
         self.period = period
-        self._sent, self._stamps = Lag(limit), Lag(limit)
+        self._sent, self._stamps = Lag(limit, wall), Lag(limit)
         self.received = self.lost = self.overtaken = 0
         self.single_publisher = False
         """Whether messages are known to come from one publisher: gaps in their numbers tell."""
@@ -192,7 +202,7 @@ class StateWatch:
             if self._sent.set_back:
                 by = self._sent.set_back
                 self._notes.append(
-                    f'the clock of who sends joint states was set back by {by:.3g} s'
+                    f'the clock of who sends joint states is behind, or was set back, by {by:.3g} s'
                 )
         if stamp:
             age = self._stamps.age(1e-9 * stamp, now)
