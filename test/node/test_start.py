@@ -1,5 +1,6 @@
 """A controller that starts holds the arm unless it is asked for its targets; what it loads."""
 
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,18 @@ def test_the_arm_stays_where_it_is_until_a_goal_comes(lone_controller, start):
         task = controller.client.task(name)
         assert list(task.desired) == list(task.current)
     controller.client.send_goal('ee_position', [0.3, 1.2])
+    assert np.abs(controller.ask(A)).max() > 0.1
+
+
+def test_a_first_joint_state_that_waited_moves_nothing(lone_controller):
+    controller = lone_controller()
+    controller.process.signal(signal.SIGSTOP)
+    controller.give(A)
+    controller.client.spin_for(0.5)
+    controller.process.signal(signal.SIGCONT)
+    controller.client.wait_for(lambda: controller.state.ignored_states == 1, 'it to be counted')
+    assert not controller.commands
+    controller.process.wait_for_output('s old when it came')
     assert np.abs(controller.ask(A)).max() > 0.1
 
 

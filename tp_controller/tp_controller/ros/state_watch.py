@@ -202,7 +202,8 @@ class StateWatch:
             if self._sent.set_back:
                 by = self._sent.set_back
                 self._notes.append(
-                    f'the clock of who sends joint states is behind, or was set back, by {by:.3g} s'
+                    'the clock of who sends joint states is behind, or was set back, '
+                    f'by {by:.3g} s'
                 )
         if stamp:
             age = self._stamps.age(1e-9 * stamp, now)
