@@ -85,6 +85,33 @@ def test_motion_by_old_data_is_found_and_a_pause_of_the_machine_excuses_it(stamp
     assert wrong(sent, commands, stamped=stamped, pauses=[pause]) == []
 
 
+def test_data_is_as_old_as_its_measurement_unless_a_new_lag_may_count():
+    sent, commands = conversation(RAMP)
+    sent = [state._replace(measured=state.time - 0.15) for state in sent]
+    assert 'data 151 ms old' in ' '.join(wrong(sent, commands))
+    assert wrong(sent, commands, forwarded=True) == []
+
+
+def test_a_copy_that_is_sent_later_does_not_make_the_data_younger():
+    sent, commands = conversation(RAMP)
+    late = commands[-1]._replace(time=commands[-1].time + 0.15)
+    copy = sent[-1]._replace(time=late.time - 0.01)
+    assert 'data 151 ms old' in ' '.join(wrong([*sent, copy], [*commands[:-1], late]))
+
+
+def test_a_command_before_its_joint_state_is_found():
+    sent, commands = conversation(RAMP)
+    commands[-1] = commands[-1]._replace(time=sent[-1].time - 0.005)
+    assert 'sent after it' in ' '.join(wrong(sent, commands))
+
+
+def test_of_several_controllers_only_speed_and_data_are_judged():
+    sent, commands = conversation([*RAMP, STEP])
+    assert wrong(sent, commands, mixed=True) == []
+    commands[-1] = commands[-1]._replace(velocity=(1.01, 0.0))
+    assert 'limit' in ' '.join(wrong(sent, commands, mixed=True))
+
+
 def test_braking_needs_no_joint_state_but_has_to_brake():
     sent, commands = conversation(RAMP)
     end = commands[-1].time
@@ -106,7 +133,8 @@ def test_motion_by_an_unusable_joint_state_is_found():
 def test_an_arm_without_commands_rests_and_starts_from_there():
     sent, commands = conversation([*RAMP, 1.0])
     pause = 0.5
-    state = sent[-1]._replace(time=sent[-1].time + pause, velocity=(0.0, 0.0))
+    then = sent[-1].time + pause
+    state = sent[-1]._replace(time=then, measured=then, velocity=(0.0, 0.0))
     late = commands[-1]._replace(time=commands[-1].time + pause)
     assert 'changes' in ' '.join(wrong([*sent[:-1], state], [*commands[:-1], late]))
     slow = late._replace(velocity=(STEP, 0.0))

@@ -190,7 +190,7 @@ def test_a_hold_from_before_the_first_state_lasts_through_pauses(lone_controller
     hold(client)
     client.wait_for(lambda: controller.state.held, 'the hold')
     assert controller.state.status == ControllerState.WAITING
-    assert controller.state.message == 'held by ~/hold: at rest'
+    assert 'held by ~/hold: at rest' in controller.state.message
     assert controller.ask(START) == [0.0, 0.0, 0.0]
     assert controller.state.status == ControllerState.HELD
     client.wait_for(lambda: controller.state.status == ControllerState.STALE, 'stale')
@@ -209,17 +209,17 @@ def test_an_empty_hierarchy_means_rest_at_start_and_later(config):
         loop.clear_record()
         loop.run(0.5)
         assert loop.state.status == ControllerState.RUNNING
-        assert loop.state.message == 'no task in the hierarchy: at rest'
+        assert 'no task in the hierarchy: at rest' in loop.state.message
         assert list(loop.state.position) == START
         loop.set_parameters({'hierarchy': ['ee_position']})
         loop.send_goal('ee_position', [1.0, -0.5])
         loop.run(0.6)
-        assert loop.state.message == ''
+        assert 'no task' not in loop.state.message
         assert np.abs(loop.state.command).max() > 0.2
         loop.set_parameters({'hierarchy': ['']})
         loop.step(1)
-        assert loop.state.message == 'no task in the hierarchy: braking'
+        assert 'no task in the hierarchy: braking' in loop.state.message
         loop.run(1.0)
-        assert loop.state.message == 'no task in the hierarchy: at rest'
+        assert 'no task in the hierarchy: at rest' in loop.state.message
         assert not np.any(loop.state.command)
         assert changes_of(loop) <= 1.0 + 1e-9

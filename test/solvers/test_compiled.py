@@ -1,5 +1,6 @@
 """Compiled functions come out of a library that is made of the very sources."""
 
+import platform
 import shutil
 import subprocess
 import sys
@@ -43,6 +44,18 @@ def test_a_library_is_of_the_very_sources(monkeypatch, tmp_path):
 
 def test_constants_that_compiled_functions_use_are_among_the_sources():
     assert compiled.PACKAGE / 'tasks' / 'parts.py' in compiled.sources()
+
+
+@pytest.mark.skipif(platform.machine() != 'x86_64', reason='levels of x86-64 only')
+def test_nothing_is_compiled_for_what_a_virtual_machine_hides():
+    assert compiled.level(f'{compiled.NEEDED} avx512f') == compiled.LEVEL
+    assert compiled.level(compiled.NEEDED.replace('fma', '')) == compiled.level('') == ''
+    # The name of the host stands for AVX-512, whether the machine shows it or not.
+    parts = [*compiled.library().glob(f'*{compiled.SUFFIX}')]
+    assert parts
+    for part in parts:
+        code = subprocess.run(['objdump', '-d', part], check=True, capture_output=True, text=True)
+        assert 'zmm' not in code.stdout, part
 
 
 def test_this_process_uses_the_library():

@@ -84,7 +84,7 @@ def _compile(paths: list[Path], folder: Path) -> None:
         name = _module(path)
         importlib.import_module(name)
         library = compiler(compiled.part_name(name), source_module=__name__)
-        library.target_cpu = 'host'
+        library.target_cpu = compiled.processor()
         found = [(made, types) for made, types in compiled.collected if made.__module__ == name]
         for function, types in found:
             signature = types[0] if isinstance(types, list) else types

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import platform
 import re
 import subprocess
 import sys
@@ -28,6 +29,11 @@ IMPORT = b'\nfrom tp_controller.compiled import '
 """What a module with compiled functions has in it."""
 FROM = re.compile(rb'^from (tp_controller\.[.\w]+) import', re.MULTILINE)
 SUFFIX = sysconfig.get_config_var('EXT_SUFFIX')
+
+LEVEL = 'x86-64-v3'
+"""Level of the x86-64 instruction set that is made use of where the processor has it."""
+NEEDED = 'abm avx avx2 bmi1 bmi2 cx16 f16c fma lahf_lm movbe popcnt sse4_1 sse4_2 ssse3 xsave'
+"""What that level consists of, by the names of /proc/cpuinfo."""
 
 COMPILING = 'TP_CONTROLLER_COMPILING'
 """Variable of the environment of processes that make the library."""
@@ -66,13 +72,13 @@ def library() -> Path | None:
 
 
 def library_path() -> Path:
-    """Where the library of these sources for this processor and this Python is, if it was made."""
+    """Where the library of these sources is, for this kind of processor and this Python."""
     return PACKAGE / '__pycache__' / f'compiled_{key(sources())}'
 
 
 def key(paths: Iterable[Path]) -> str:
-    """What machine code of these sources depends on: their text, processor and Python."""
-    digest = hashlib.sha256(_processor() + SUFFIX.encode())
+    """What machine code of these sources depends on: their text, kind of processor and Python."""
+    digest = hashlib.sha256(f'{platform.machine()} {processor()} {SUFFIX}'.encode())
     for path in sorted(paths):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
@@ -183,14 +189,25 @@ def __getattr__(name: str) -> Any:
     return getattr(numba, name)
 
 
-def _processor() -> bytes:
-    """What the processor can do: code that was compiled for one may not run on another."""
+@cache
+def processor() -> str:
+    """Kind of processor that the library is made for, by LLVM's name; empty: any of its family.
+
+    The name of the host would not do: LLVM takes for granted that it has all that such a processor
+    can do, and a virtual machine may hide a part of it.
+    """
     try:
         with open('/proc/cpuinfo', 'rb') as file:
             lines = file.read().partition(b'\n\n')[0].splitlines()
     except OSError:
-        return b''
-    return b'\n'.join(line for line in lines if line.startswith((b'model name', b'flags')))
+        return ''
+    flags = next((line for line in lines if line.startswith(b'flags')), b'')
+    return level(flags.decode())
+
+
+def level(flags: str) -> str:
+    """The kind of processor that has these abilities, by the names of /proc/cpuinfo."""
+    return LEVEL if set(NEEDED.split()) <= set(flags.split()) else ''
 
 
 if __name__ == '__main__':

@@ -11,7 +11,7 @@ from typing import Any
 
 from tp_sim.faults.judge import Findings
 from tp_sim.faults.pauses import PauseWatch
-from tp_sim.faults.record import longest
+from tp_sim.faults.record import longest, paused
 from tp_sim.faults.rig import Judged, Rig
 from tp_sim.harness import HarnessError
 
@@ -101,10 +101,13 @@ def run_case(case: Case, judged: Judged, watch: PauseWatch) -> Outcome:
             rig.wrong.append(str(error))
         found = rig.findings(begin)
         pauses = watch.pauses(begin)
-        if rig.recovery > case.recovery + longest(pauses):
+        excused = paused(pauses, rig.well, rig.well + rig.recovery)
+        if rig.recovery > case.recovery + excused:
             found.wrong.append(
                 f'moved again after {rig.recovery:.3g} s, {case.recovery:g} s are allowed'
             )
+        elif math.isnan(rig.recovery) and not found.wrong:
+            found.wrong.append('recovery was not tried')
         printed = '\n'.join(f'{p.name}: {p.output}' for p in rig.processes)
         return Outcome(
             case,

@@ -20,6 +20,8 @@ SLACK = 1e-6
 """The same of the change, whose limit comes from times."""
 STILL = 1e-6
 """A command below this share of the velocity limit moves nothing."""
+EARLY = 1e-3
+"""Time [s] by which the clocks of two processes may seem to differ."""
 EXAMPLES = 3
 """So many commands that are not allowed are described, of each kind."""
 
@@ -92,13 +94,14 @@ def judge(
     pauses: Sequence[Pause] = (),
     stamped: bool = True,
     mixed: bool = False,
+    forwarded: bool = False,
 ) -> Findings:
     """Judge all commands of a case.
 
     A command is one of these:
 
     - it has the stamp of a joint state: that has to be usable and young enough, unless the command
-      is zero or, for one that is not usable, shrinks;
+      is zero or shrinks;
     - it has another stamp: it has to be zero or shrink, which is braking.
 
     Where stamps tell nothing, the newest usable joint state that was sent before it is meant.
@@ -121,6 +124,9 @@ def judge(
     mixed
         Whether there were several controllers or arms: changes of commands and braking are not
         judged then.
+    forwarded
+        Whether ages count from when a joint state was passed on, not from when the arm was
+        measured.
     """
     found, wrong = Findings(len(commands)), _Wrong()
     states = _States(sent, stamped)
@@ -150,7 +156,7 @@ def judge(
                 wrong.add('change', f'command {number} changes by {change.max():.4g} of the limit')
         if share > STILL:
             shrinks = _shrinks(u, before)
-            ways = (shrinks, mixed, stamped)
+            ways = (shrinks, mixed, forwarded)
             _judge_data(number, command, state, ways, allowed, pauses, found, wrong)
         before, last = u, command.time
     found.wrong = wrong.told()
@@ -169,9 +175,10 @@ def _judge_data(
 ) -> None:
     """Judge what a command that moves the arm was computed from.
 
-    ``ways``: whether it shrinks, whether controllers are mixed, whether stamps tell anything.
+    ``ways``: whether it shrinks, whether controllers are mixed, whether ages count from when a
+    joint state was passed on.
     """
-    shrinks, mixed, stamped = ways
+    shrinks, mixed, forwarded = ways
     if state is None:
         if not (shrinks or mixed):
             wrong.add('none', f'command {number} moves the arm and answers no joint state')
@@ -180,10 +187,13 @@ def _judge_data(
         if not shrinks:
             wrong.add('unusable', f'command {number} moves the arm by an unusable joint state')
         return
-    age = command.time - state.time
-    excused = paused(pauses, state.time, command.time)
-    if not stamped and shrinks:
+    if command.time < state.time - EARLY:
+        wrong.add('early', f'command {number} answers a joint state that was sent after it')
+    if shrinks:
         return
+    since = state.time if forwarded else state.measured
+    age = command.time - since
+    excused = paused(pauses, since, command.time)
     found.age = max(found.age, age)
     if age - excused > allowed.oldest:
         wrong.add('old', f'command {number} moves the arm by data {1e3 * age:.4g} ms old')

@@ -55,10 +55,12 @@ def main() -> int:
     )
     console = Console()
     try:
+        # A page that cannot be written to is told before anything runs.
+        before = read_section(arguments.page, SECTION) if arguments.page else ''
         rows = run_cases(chosen, judged, console, arguments.verbose, arguments.record)
         if arguments.page:
-            before = read_section(arguments.page, SECTION) if arguments.only else ''
-            write_section(arguments.page, SECTION, page_table(rows, before))
+            kept = before if arguments.only else ''
+            write_section(arguments.page, SECTION, page_table(rows, kept))
     except TaskPriorityError as error:
         print(f'faults: {error}', file=sys.stderr)
         return REFUSED
@@ -110,7 +112,8 @@ def run_cases(
             console.print(escape(f'{row.case.name}: {text}'), soft_wrap=True)
         if row.printed and (verbose or not row.passed):
             console.print(escape('\n'.join(row.printed.splitlines()[-LINES:])), soft_wrap=True)
-    console.print(f'{sum(row.passed for row in rows)} of {len(rows)} cases passed')
+    passed, minutes = sum(row.passed for row in rows), sum(row.seconds for row in rows) / 60.0
+    console.print(f'{passed} of {len(rows)} cases passed, in {minutes:.1f} minutes')
     return rows
 
 

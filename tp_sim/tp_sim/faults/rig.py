@@ -36,6 +36,8 @@ LONGEST_START = 30.0
 """Time [s] in which the arm has to move, start of a process and all."""
 AGAIN = 0.2
 """Time [s] after which a goal is sent again until the arm moves."""
+MOVING = 0.3
+"""Share of the time of a disturbance for which the arm has to move, where nothing else is said."""
 LEG = 1.5
 """Time [s] between goals while the arm is kept moving."""
 NODES = ('simulator', 'controller')
@@ -118,8 +120,12 @@ class Rig:
         """Whether stamps tell which joint state a command answers."""
         self.mixed = False
         """Whether there are several controllers or arms: changes of commands tell nothing then."""
+        self.forwarded = False
+        """Whether ages count from when a joint state was passed on."""
         self.recovery = self.way = float('nan')
         """Times [s] until the arm moved again, and until it was at its goal."""
+        self.well = float('nan')
+        """Time [s] from which on all was well."""
         self.wrong: list[str] = []
         """What was not allowed, beside the commands."""
         self.others: list[Findings] = []
@@ -233,17 +239,35 @@ class Rig:
             self.next_goal()
             self.client.spin_for(min(left, LEG))
 
-    def disturb(self, disturbance: Disturbance, seconds: float) -> None:
-        """Keep the arm moving while joint states are disturbed, and then let them pass again."""
+    def to_full_speed(self) -> None:
+        """Send the next goal and wait until the arm is fast."""
+        self.next_goal()
+        self.client.spin_for(0.7)
+
+    def disturb(self, disturbance: Disturbance, seconds: float, moving: bool = False) -> None:
+        """Keep the arm moving while joint states are disturbed, and then let them pass again.
+
+        Parameters
+        ----------
+        disturbance, seconds
+            What happens to them, and how long [s].
+        moving
+            Whether it is wrong to rest meanwhile.
+        """
+        begin = time.time()
         self.relay.disturbance = disturbance
         self.move(seconds)
         self.relay.disturbance = passed_on
+        seen = [arm.moves(m.velocity) for m in self.relay.motions if m.time > begin]
+        if moving and sum(seen) < MOVING * len(seen):
+            share = 100.0 * sum(seen) / len(seen)
+            self.wrong.append(f'the arm moved for {share:.0f} % of the disturbance only')
 
     # Judgement
 
     def recover(self, longest_wait: float = LONGEST_WAY) -> None:
         """From now on all is well: send a goal and take the time until the arm is there."""
-        begin = time.time()
+        begin = self.well = time.time()
         count, goal = len(self.relay.commands), self.next_goal()
         try:
             end = time.monotonic() + LONGEST_START
@@ -294,6 +318,7 @@ class Rig:
             pauses=self.watch.pauses(begin),
             stamped=self.stamped,
             mixed=self.mixed,
+            forwarded=self.forwarded,
         )
         for other in self.others:
             found.include(other)
@@ -313,7 +338,7 @@ class Rig:
             if process.name == 'controller':
                 time.sleep(0.1)
                 self.expect_zero_last()
-            if status not in (0, None) and process.name in NODES:
+            if status != 0 and process.name in NODES:
                 self.wrong.append(f'{process.name} ended with status {status}')
 
     def close(self) -> None:

@@ -37,12 +37,18 @@ CLOCK = 1.5
 """Time [s] after which a clock that was set has to be followed, at the latest."""
 
 
-def _disturbed(make: Callable[[], Disturbance], seconds: float = 4.0, stamps: bool = True) -> Run:
-    """Disturb joint states while the arm moves."""
+def _disturbed(
+    make: Callable[[], Disturbance],
+    stamps: bool = True,
+    moving: bool = True,
+    forwarded: bool = False,
+) -> Run:
+    """Disturb joint states for 4 s while the arm moves; for the options see `Rig`."""
 
     def run(rig: Rig) -> None:
         rig.stamped = rig.stamped and stamps
-        rig.disturb(make(), seconds)
+        rig.forwarded = forwarded
+        rig.disturb(make(), 4.0, moving)
         rig.recover()
 
     return run
@@ -92,13 +98,13 @@ CASES: tuple[Case, ...] = (
     _case(
         'late_20ms',
         'joint states 20 ms late',
-        _disturbed(lambda: late(0.02)),
+        _disturbed(lambda: late(0.02), moving=False),
         'braking while they are later than 20 ms',
     ),
     _case(
         'late_100ms',
         'joint states 100 ms late',
-        _disturbed(lambda: late(0.1)),
+        _disturbed(lambda: late(0.1), moving=False, forwarded=True),
         'braking for 1 s, then the new lag may count: a clock that was set back looks the same',
     ),
     _case(
@@ -110,7 +116,7 @@ CASES: tuple[Case, ...] = (
     _case('doubled', 'each joint state again after 2 ms', _disturbed(lambda: doubled(0.002))),
     *(
         _case(
-            name, f'a position {what}: of every fifth joint state, of all for 0.5 s', run, IGNORED
+            name, f'a position {what}: of one joint state in five, of all for 0.5 s', run, IGNORED
         )
         for name, what, run in (
             ('nan', 'is NaN', _corrupted(not_a_number)),
@@ -124,7 +130,7 @@ CASES: tuple[Case, ...] = (
     _case(
         'stamps_backwards',
         'stamps run backwards',
-        _disturbed(running_backwards, stamps=False),
+        _disturbed(running_backwards, stamps=False, moving=False),
         'rest while they do',
         CLOCK,
     ),
