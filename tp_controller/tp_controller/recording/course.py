@@ -131,7 +131,7 @@ def run_of(states: Iterable[Any]) -> Run:
     level_time, levels = _levels(kept, start)
     return Run(
         start=start,
-        time=(stamps - start) * 1e-9,
+        time=_seconds(stamps - start),
         joints=tuple(last.joint_names),
         coordinates=tuple(last.position_names),
         q=np.array([state.position for state in kept]),
@@ -203,4 +203,8 @@ def _levels(states: Sequence[Any], start: int) -> tuple[Array, tuple[LevelCourse
         found.append(
             LevelCourse(tasks, each('rows'), each('rank'), each('smallest_singular_value'))
         )
-    return (stamps - start) * 1e-9, tuple(found)
+    return _seconds(stamps - start), tuple(found)
+
+
+def _seconds(nanoseconds: NDArray[np.int64]) -> Array:
+    return np.multiply(nanoseconds, 1e-9, dtype=np.float64)

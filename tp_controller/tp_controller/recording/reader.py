@@ -181,7 +181,9 @@ class Recording:
             for topic, kind in self.types.items()
             if kind == message_type and self._directions[topic] in (direction, '')
         ]
-        return min(found, key=lambda topic: (topic.endswith('/goal'), topic.count('/')), default='')
+        return min(
+            found, key=lambda topic: (topic.endswith('/goal'), topic.count('/')), default=''
+        )
 
     @property
     def joint_states(self) -> str:

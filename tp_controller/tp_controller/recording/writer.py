@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from mcap.writer import CompressionType, Writer
 
 from tp_controller.errors import InvalidValue, plural, shown
 
-CHUNK = 64 * 1024
+CHUNK = 32 * 1024
 """Bytes of messages that are compressed together: what a process that is killed loses at most."""
 PARAMETERS, DESCRIPTION = 'parameters.yaml', 'robot.urdf'
 """Attachments."""
@@ -158,7 +158,8 @@ class RecordingWriter:
         """Finish the file."""
         if not self._closed:
             self._closed = True
-            self._writer.finish()
+            finish: Callable[[], None] = self._writer.finish
+            finish()
             self._file.close()
 
     def discard(self) -> None:

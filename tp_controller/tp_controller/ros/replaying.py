@@ -8,7 +8,7 @@ import time
 from array import array
 from collections.abc import Iterator
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from builtin_interfaces.msg import Time
@@ -22,12 +22,14 @@ from tp_controller.recording import Recording
 from tp_controller.recording.course import nanoseconds
 from tp_controller.ros.commands import CommandPublisher
 from tp_controller.ros.cycle import Cycle
+from tp_controller.ros.intake import Intake
 from tp_controller.ros.joint_states import JointStateValues
 from tp_controller.ros.replayed_inputs import ReplayedInputs
 from tp_controller.ros.state import StateMessage
 from tp_controller.ros.state_watch import Arrival, StateWatch
 from tp_controller.ros.task_inputs import TaskInputs
 from tp_controller.ros.warnings import Warnings
+from tp_interfaces.msg import ControllerState
 
 Vector = NDArray[np.float64]
 
@@ -115,7 +117,7 @@ class Replay:
         self._inputs = TaskInputs(middleware, settings, self._state, warnings, period, _ignore)
         self._inputs.active = True
         self._watch = StateWatch(math.inf, period)
-        self._intake: Any = _Intake()
+        self._intake = _Intake()
         reference = None
         if values['command.type'] in POSITION_TYPES:
             reference = PositionReference(stack, values['command.tolerance'])
@@ -124,7 +126,7 @@ class Replay:
         log: Any = SimpleNamespace(info=_ignore, warning=_ignore)
         self._cycle = Cycle(
             stack,
-            self._intake,
+            cast(Intake, self._intake),
             self._watch,
             commands,
             self._state.msg,
@@ -155,9 +157,11 @@ class Replay:
 
     def answers(self) -> Iterator[Answer]:
         """Every recorded cycle that can be made again; notes are complete at the end."""
-        cycles = 0
+        cycles = first = 0
+        braked = False
         for entry in self._recording.messages([self._recording.state]):
             recorded, sent = entry.message, entry.sent
+            braked = braked or (cycles > 0 and recorded.status == ControllerState.STALE)
             if not recorded.cycles or recorded.cycles == cycles:
                 continue
             if not cycles:
@@ -175,6 +179,11 @@ class Replay:
             if arrival is None:
                 self._note('some joint states are not in the recording')
                 continue
+            first = first or stamp
+            if braked:
+                braked = False
+                when = 1e-9 * (stamp - first)
+                self._note(f'joint states stopped before {when:.3f} s: braking is not replayed')
             self._given.before(recorded, sent)
             self._answer(arrival)
             velocity = self._commands.velocity.copy()
@@ -223,6 +232,3 @@ class _JointStates:
 
 def _ignore(*_: Any) -> None:
     """Do nothing."""
-
-
-
