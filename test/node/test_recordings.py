@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from page_client import PageClient
 from std_srvs.srv import SetBool
 
+from tp_controller import state_words as words
 from tp_controller.config import build_settings, read_parameter_file
 from tp_controller.errors import InvalidValue
 from tp_controller.recording import Recording, RecordingWriter, run_of
@@ -167,6 +169,29 @@ def test_the_replay_of_another_stack_tells_the_first_difference(made, tmp_path):
     first = process.stdout.splitlines()
     assert first[0].startswith('replay: ')
     assert first[1].startswith('  first at 0.000 s, cycle 1: joint_')
+
+
+def test_the_page_shows_any_moment_of_it_and_plays(made):
+    page = NodeProcess(
+        'tp_controller', 'view', None, dict(os.environ), (), [str(made[0]), '--port', '0']
+    )
+    page.wait_for_output('view: http', timeout=60.0)
+    client = PageClient(page.output.split('view: ')[1].split()[0])
+    slider = client.wait_for(lambda: client.element('GuiSliderMessage', 'time [s]'))
+    run = run_of(Recording(made[0]).states())
+    assert slider['props']['max'] == pytest.approx(run.time[-1])
+    middle = len(run.time) // 2
+    client.set(slider, float(run.time[middle]) + 0.001)
+    left = f'{words.number(run.task("ee_position").error_norm[middle])}'
+    client.wait_for(lambda: f'ee_position · error {left}' in str(client.messages))
+    assert 'read-only' in client.text()
+    button = client.element('GuiButtonMessage', 'Play')
+    client.set(button, True)
+    label = {'uuid': button['uuid'], 'updates': {'label': 'Pause'}}
+    client.wait_for(lambda: any(label.items() <= message.items() for message in client.messages))
+    client.close()
+    assert page.stop() == 0
+    assert 'Traceback' not in page.output
 
 
 def test_a_recording_of_a_real_time_run_is_replayed_too(config, tmp_path):

@@ -101,26 +101,32 @@ class Run(NamedTuple):
         return next(task for task in self.tasks if task.name == name)
 
 
+def states_of_cycles(states: Iterable[Any]) -> dict[int, Any]:
+    """States by the stamps [ns] of the joint states that they answer, in their order.
+
+    Of several about one joint state the last one counts; those before the first cycle and those
+    of a controller that brakes without joint states are left out.
+    """
+    found: dict[int, Any] = {}
+    cycles = -1
+    for state in states:
+        if state.cycles > 0 and state.cycles != cycles:
+            found[nanoseconds(state.header.stamp)] = state
+        cycles = state.cycles
+    return dict(sorted(found.items()))
+
+
 def run_of(states: Iterable[Any]) -> Run:
     """Arrays of a controller's states, objects with the fields of ``ControllerState``.
-
-    Of several states about one joint state the last one counts; those before the first cycle
-    and those of a controller that brakes without joint states are left out.
 
     Raises
     ------
     ValueError
         If there is no cycle among them.
     """
-    by_stamp: dict[int, Any] = {}
-    cycles = -1
-    for state in states:
-        if state.cycles > 0 and state.cycles != cycles:
-            by_stamp[nanoseconds(state.header.stamp)] = state
-        cycles = state.cycles
+    by_stamp = states_of_cycles(states)
     if not by_stamp:
         raise ValueError('no cycle')
-    # A clock that was set back begins anew: its states follow those before it.
     stamps = np.array(list(by_stamp), dtype=np.int64)
     kept = list(by_stamp.values())
     last = kept[-1]
