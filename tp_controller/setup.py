@@ -57,6 +57,7 @@ for_ros = {
             'check = tp_controller.checks.command:main',
             'controller = tp_controller.ros.controller_main:main',
             'measure_arm = tp_controller.ros.measure_arm:main',
+            'plot = tp_controller.plots.command:main',
             'record = tp_controller.ros.record:main',
             'replay = tp_controller.ros.replay:main',
             'send_goal = tp_controller.ros.send_goal:main',
