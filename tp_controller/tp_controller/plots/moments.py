@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 THICKNESS = 0.03
 """Radius of links that have no shape, as a share of the arm's extent."""
 AXES = 'xyz'
+NEWS = 0.04
+"""Share of the way of the joints between two pictures at least."""
 WAYS = 400
 """Points of a path that are drawn at most."""
 
@@ -141,12 +143,16 @@ class Scene:
         Where targets jump, the last cycle before each jump is among them.
         """
         last = len(self.run.time) - 1
-        jumps = [i - 1 for i in goal_times(self.run) if 0 < i - 1 < last]
-        chosen = {0, last, *jumps[: max(count - 2, 0)]}
         moved = np.linalg.norm(np.diff(self._q, axis=0), axis=1)
         way = np.concatenate([[0.0], np.cumsum(moved)])
         if not way[-1]:
             return [0] if last == 0 else [0, last]
+        chosen = {0, last}
+        for i in goal_times(self.run):
+            # A goal that comes when little has happened since another one tells no story.
+            far = min(abs(way[i - 1] - way[j]) for j in chosen)
+            if far > NEWS * way[-1] and len(chosen) < count:
+                chosen.add(i - 1)
         while len(chosen) < min(count, last + 1):
             # Halve the longest way between two of them.
             found = sorted(chosen)

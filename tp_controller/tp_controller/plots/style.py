@@ -37,7 +37,7 @@ UNITS = {
 }
 """Units of the tasks that do not mix metres and radians."""
 ON_JOINTS = ('joint', 'joint_limits', 'posture')
-STYLE = {
+STYLE: dict[Any, Any] = {
     'font.size': 9.0,
     'axes.grid': True,
     'grid.alpha': 0.35,

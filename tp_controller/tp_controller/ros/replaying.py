@@ -158,10 +158,11 @@ class Replay:
     def answers(self) -> Iterator[Answer]:
         """Every recorded cycle that can be made again; notes are complete at the end."""
         cycles = first = 0
-        braked = False
+        braked = 0
         for entry in self._recording.messages([self._recording.state]):
             recorded, sent = entry.message, entry.sent
-            braked = braked or (cycles > 0 and recorded.status == ControllerState.STALE)
+            if cycles and recorded.status == ControllerState.STALE:
+                braked = sent
             if not recorded.cycles or recorded.cycles == cycles:
                 continue
             if not cycles:
@@ -177,17 +178,30 @@ class Replay:
             stamp = nanoseconds(recorded.header.stamp)
             arrival = self._joint_states.find(stamp, sent)
             if arrival is None:
-                self._note('some joint states are not in the recording')
-                continue
+                self._note(
+                    'some joint states are not in the recording: the configurations of the '
+                    'state take their place'
+                )
+                arrival = _from_state(recorded, stamp, sent)
             first = first or stamp
             if braked:
-                braked = False
+                arrival = self._begin_anew(arrival, braked)
                 when = 1e-9 * (stamp - first)
-                self._note(f'joint states stopped before {when:.3f} s: braking is not replayed')
+                self._note(
+                    f'no joint states before {when:.3f} s: the arm was braked meanwhile, and is '
+                    'taken to have come to rest'
+                )
+                braked = 0
             self._given.before(recorded, sent)
             self._answer(arrival)
             velocity = self._commands.velocity.copy()
             yield Answer(recorded.cycles, stamp, np.array(recorded.command), velocity)
+
+    def _begin_anew(self, arrival: Arrival, braked: int) -> Arrival:
+        """Let the arm rest, as after braking at a time [ns]; return when the state is taken."""
+        self._cycle.begin()
+        gap = max(1e-9 * (arrival.sent - braked), 0.0)
+        return arrival._replace(taken=arrival.taken + gap)
 
     def _answer(self, arrival: Arrival) -> None:
         self._intake.waiting = [arrival]
@@ -199,6 +213,18 @@ class Replay:
 
     def _note(self, text: str) -> None:
         self.notes[text] = None
+
+
+def _from_state(recorded: Any, stamp: int, sent: int) -> Arrival:
+    """Joint state that a state tells of: what was measured, of an arm without delay and lag."""
+    when = recorded.header.stamp
+    values = JointStateValues(
+        Time(sec=when.sec, nanosec=when.nanosec),
+        recorded.position_names,
+        array('d', recorded.position),
+        array('d'),
+    )
+    return Arrival(values, stamp, sent, time.monotonic(), 0.0)
 
 
 class _JointStates:
