@@ -39,6 +39,8 @@ REQUIREMENTS = [
 ]
 EXTRAS = {
     'batch': ['dask[distributed]', 'matplotlib', 'pyarrow<26', 'rich'],
+    # recordings and pictures of them, without ROS
+    'recordings': ['matplotlib', 'mcap', 'mcap-ros2-support', 'trimesh', 'zstandard'],
     'robots': ['example-robot-data>=4.4'],  # URDFs of real arms
     'test': ['hypothesis', 'pytest', 'pytest-timeout'],
     'view': ['pycollada', 'viser>=1.1,<1.2'],  # the page's scene, without ROS

@@ -14,10 +14,9 @@ from tp_controller.plots.curves import goal_times
 from tp_controller.recording import Run
 from tp_controller.robot import Shape, capsule
 from tp_controller.robot.frames import Frame
+from tp_controller.scenery import is_planar, obstacle_shape
 from tp_controller.stack import Stack
 from tp_controller.tasks import ObstacleTask, Task, WholeArmTask
-from tp_controller.view.surroundings import obstacle_shape
-from tp_controller.view.view import is_planar
 
 Array = NDArray[np.float64]
 THICKNESS = 0.03

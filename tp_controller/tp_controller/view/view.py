@@ -11,6 +11,7 @@ import numpy as np
 
 from tp_controller.errors import TaskPriorityError
 from tp_controller.robot import Robot
+from tp_controller.scenery import is_planar
 from tp_controller.stack import Stack
 from tp_controller.view.arm import ArmPicture
 from tp_controller.view.handles import Handles
@@ -270,11 +271,6 @@ def _ranges(robot: Robot, task: Any, types: Collection[str]) -> dict[str, Range]
             most if math.isfinite(most) else math.pi,
         )
     return found
-
-
-def is_planar(robot: Robot) -> bool:
-    """Whether nothing of the robot leaves a plane of constant z."""
-    return bool(np.all(np.abs(robot.twists[:, [2, 3, 4]]) < 1e-9))
 
 
 def reach_of(robot: Robot, extent: float) -> float:
