@@ -144,6 +144,10 @@ class RecordingWriter:
         """Add a record of facts by name."""
         self._writer.add_metadata(name, dict(facts))
 
+    def count(self, number: int) -> int:
+        """Messages of a topic so far."""
+        return self._counts[number]
+
     def flush(self) -> None:
         """Hand over to the system what is complete so far."""
         self._file.flush()

@@ -30,6 +30,7 @@ FLUSH_PERIOD = 1.0
 DEPTH = 2000
 """Messages of a topic that wait while the process is not scheduled: 2 s at 1 kHz."""
 DESCRIPTION_TYPE = 'std_msgs/msg/String'
+STATE = 'tp_interfaces/msg/ControllerState'
 EVENTS, EVENTS_TYPE = '/parameter_events', 'rcl_interfaces/msg/ParameterEvent'
 LIBRARIES = ('numpy', 'pin', 'numba', 'daqp')
 
@@ -66,8 +67,11 @@ class Recorder:
         self._topics: dict[str, _Topic] = {}
         self._failed: dict[str, str] = {}
         self._look_at = self._flush_at = 0.0
-        self._described = False
+        self._described = self._drawable = False
         self._description = ''
+        self._states: set[int] = set()
+        """Numbers of topics with the controller's state."""
+        self._tried: str | None = None
         self._description_topic = f'{namespace}/{TOPIC}'
         self._subscription = node.create_subscription(
             String, self._description_topic, self._on_description, TOPIC_QOS
@@ -77,7 +81,7 @@ class Recorder:
     @property
     def seen(self) -> bool:
         """Whether any message of the controller's state is in the recording."""
-        return self._writer.contents.counts.get(f'{self.controller}/state', 0) > 0
+        return any(self._writer.count(number) for number in self._states)
 
     @property
     def ready(self) -> bool:
@@ -118,6 +122,8 @@ class Recorder:
         self._parameters.work()
         if self._parameters.complete and not self._described:
             self._describe()
+        if self._described and not self._drawable and self._description != self._tried:
+            self._attach_robot()
         if now >= self._flush_at:
             self._flush_at = now + FLUSH_PERIOD
             self._writer.flush()
@@ -128,6 +134,7 @@ class Recorder:
         self.work()
         if not self._described and self._parameters.values:
             self._describe()
+            self._attach_robot()
 
     def _look(self) -> None:
         own = (self._name, self._namespace)
@@ -162,22 +169,30 @@ class Recorder:
         offered = '\n'.join(_qos_text(publisher.qos_profile) for publisher in publishers)
         number = self._writer.add_topic(topic, message_type, definition, offered, direction)
         self._topics[topic] = _Topic(number, subscription, taker(subscription))
+        if message_type == STATE and direction == FROM:
+            self._states.add(number)
 
     def _on_description(self, msg: String) -> None:
         self._description = msg.data
 
     def _describe(self) -> None:
-        """Attach parameters and URDF, as they are at the beginning."""
+        """Attach the parameters as they are at the beginning."""
         self._described = True
-        values = dict(self._parameters.values)
         writer = self._writer
+        text = parameter_text(self._parameters.values, self._name)
         writer.describe(ABOUT, {NODE: self.controller, **_versions()})
-        writer.attach(PARAMETERS, 'application/yaml', parameter_text(values, self._name))
+        writer.attach(PARAMETERS, 'application/yaml', text)
+
+    def _attach_robot(self) -> None:
+        """Attach the URDF, if it is known: a controller may still wait for its robot."""
+        self._tried = self._description
         try:
-            urdf = describe_robot(read_parameters(values), self._description or None)
+            values = read_parameters(self._parameters.values)
+            urdf = describe_robot(values, self._description or None)
         except TaskPriorityError:
-            # Of a controller that still waits for its robot.
             return
+        self._drawable = True
+        writer = self._writer
         writer.attach(DESCRIPTION, 'application/xml', urdf)
         if self._description_topic not in self._topics:
             # For what draws the robot from this topic alone; nobody publishes it here.
