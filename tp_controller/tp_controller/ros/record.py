@@ -12,7 +12,6 @@ from pathlib import Path
 
 import rclpy
 from rclpy.exceptions import InvalidTopicNameException
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
@@ -22,7 +21,7 @@ from tp_controller.ros.arguments import one_line
 from tp_controller.ros.recorder import Recorder
 
 NOTHING_SEEN, REFUSED = 1, 2
-PERIOD = 0.002
+PERIOD = 0.005
 """Time [s] between two looks for messages."""
 
 
@@ -50,7 +49,7 @@ def main() -> int:
         with RecordingWriter(given.file, given.overwrite) as writer:
             recorder = Recorder(node, given.controller, writer)
             print(f'record: {recorder.controller} into {given.file}, Ctrl-C ends it', flush=True)
-            _record(node, recorder, given.seconds, ended)
+            _record(recorder, given.seconds, ended)
             if not recorder.seen:
                 writer.discard()
                 print(f'record: no state of {recorder.controller}, no file', file=sys.stderr)
@@ -65,12 +64,9 @@ def main() -> int:
     return 0
 
 
-def _record(node: rclpy.node.Node, recorder: Recorder, seconds: float, ended: list[int]) -> None:
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
+def _record(recorder: Recorder, seconds: float, ended: list[int]) -> None:
     end = time.monotonic() + seconds
     while not ended and time.monotonic() < end:
-        executor.spin_once(timeout_sec=0.0)
         if not recorder.work():
             time.sleep(PERIOD)
         for note in recorder.take_notes():

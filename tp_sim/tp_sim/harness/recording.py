@@ -6,14 +6,13 @@ import threading
 import time
 from pathlib import Path
 
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from tp_controller.recording import RecordingWriter
 from tp_controller.ros.recorder import Recorder
 from tp_sim.harness.errors import HarnessError
 
-PERIOD = 0.002
+PERIOD = 0.005
 """Time [s] between two looks for messages."""
 QUIET = 0.1
 """Time [s] without a message after which nothing more is expected of nodes that have ended."""
@@ -38,9 +37,7 @@ class LoopRecording:
     def __init__(self, node: Node, path: str | Path) -> None:
         self._node = node
         self._writer = RecordingWriter(path, overwrite=True)
-        self._recorder = Recorder(node, 'tp_controller', self._writer)
-        self._executor = SingleThreadedExecutor(context=node.context)
-        self._executor.add_node(node)
+        self._recorder = Recorder(node, 'tp_controller', self._writer, lossless=True)
         self._stopped = threading.Event()
         self._failure: BaseException | None = None
         self._ready = False
@@ -66,7 +63,6 @@ class LoopRecording:
         try:
             seen = time.monotonic()
             while not self._stopped.is_set() or time.monotonic() - seen < QUIET:
-                self._executor.spin_once(timeout_sec=0.0)
                 if self._recorder.work():
                     seen = time.monotonic()
                 else:
@@ -87,6 +83,5 @@ class LoopRecording:
         self._stopped.set()
         self._thread.join()
         self._writer.close()
-        self._executor.shutdown()
         self._node.destroy_node()
         self._check()
