@@ -25,6 +25,8 @@ from tp_controller.recording import Run, TaskCourse
 from tp_controller.robot import Robot
 
 Array = NDArray[np.float64]
+METRES = tuple(f'base/{name}' for name in ('forward', 'left', 'up'))
+"""Velocities of a base that are along a line."""
 MOST_ROWS = 12
 """Rows of a task that get a line each; of more the least distance alone."""
 
@@ -58,12 +60,15 @@ def joints(run: Run, robot: Robot) -> Figure:
                 j = run.coordinates.index(name)
                 place.plot(run.time, run.q[:, j], color=color(0))
                 _limits(place, limits.position_min[i], limits.position_max[i])
+            else:
+                # A velocity in the frame of a base is that of no coordinate.
+                place.set_yticks([])
             speed.plot(run.time, run.command[:, i], color=color(2))
             _limits(speed, -limits.velocity[i], limits.velocity[i])
             change.plot(run.time, acceleration[:, i], color=color(1))
             _limits(change, -limits.acceleration[i], limits.acceleration[i])
-            sliding = bool(robot.sliding[i])
-            unit_of = 'm' if sliding else 'rad'
+            metres = bool(robot.sliding[i]) or name in METRES
+            unit_of = 'm' if metres else 'rad'
             place.set_ylabel(f'{name}\n[{unit_of}]')
             speed.set_ylabel(f'[{unit_of}/s]')
             change.set_ylabel(f'[{unit_of}/s²]')

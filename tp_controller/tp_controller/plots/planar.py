@@ -33,7 +33,7 @@ def filmstrip(scene: Scene, count: int = STILLS) -> Figure:
         low, high = frame_of(scene)
         tall = float((high - low)[1] / (high - low)[0])
         figure = Figure(
-            figsize=(SIDE * columns + 0.5, (SIDE * min(max(tall, 0.5), 1.5) + 0.3) * rows + 0.6),
+            figsize=(SIDE * columns + 0.5, (SIDE * min(max(tall, 0.3), 1.5) + 0.3) * rows + 0.6),
             layout='constrained',
         )
         axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
