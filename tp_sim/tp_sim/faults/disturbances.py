@@ -70,6 +70,18 @@ def doubled(gap: float) -> Disturbance:
     return lambda state: (state, state._replace(delay=gap))
 
 
+def repeated() -> Disturbance:
+    """Send the first one again and again in place of the others."""
+    first: list[Delivery] = []
+
+    def disturb(state: Delivery) -> Iterable[Delivery]:
+        if not first:
+            first.append(state)
+        return first
+
+    return disturb
+
+
 def reordered(group: int) -> Disturbance:
     """Collect groups of them and send each group in a random order."""
     rng = np.random.default_rng(SEED)
