@@ -2,6 +2,8 @@ SHELL := bash
 CONFIG ?= config/a4_position_joint.yaml
 PYTEST_ARGS ?=
 VIEW_ARGS ?=
+# One more than cores: tests wait for processes now and then.
+WORKERS ?= $(shell echo $$(($$(nproc) + 1)))
 
 .PHONY: help setup demo view test lint bench faults figures docs clean
 
@@ -27,7 +29,7 @@ view: setup
 	@source ./setup.bash && install/tp_sim/lib/tp_sim/live --config $(CONFIG) $(VIEW_ARGS)
 
 test: setup
-	@source ./setup.bash && python -m pytest -n auto --dist loadfile $(PYTEST_ARGS)
+	@source ./setup.bash && python -m pytest -n $(WORKERS) --dist loadfile $(PYTEST_ARGS)
 
 lint: setup
 	@source ./setup.bash && ruff check && ruff format --check && mypy && python tools/check_packages.py

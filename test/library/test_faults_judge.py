@@ -85,9 +85,9 @@ def test_motion_by_old_data_is_found_and_a_pause_of_the_machine_excuses_it(stamp
     assert wrong(sent, commands, stamped=stamped, pauses=[pause]) == []
 
 
-def test_data_is_as_old_as_its_measurement_unless_a_new_lag_may_count():
+def test_data_is_as_old_as_what_was_held_back_unless_a_new_lag_may_count():
     sent, commands = conversation(RAMP)
-    sent = [state._replace(measured=state.time - 0.15) for state in sent]
+    sent = [state._replace(taken=state.time - 0.15) for state in sent]
     assert 'data 151 ms old' in ' '.join(wrong(sent, commands))
     assert wrong(sent, commands, forwarded=True) == []
 
@@ -134,7 +134,7 @@ def test_an_arm_without_commands_rests_and_starts_from_there():
     sent, commands = conversation([*RAMP, 1.0])
     pause = 0.5
     then = sent[-1].time + pause
-    state = sent[-1]._replace(time=then, measured=then, velocity=(0.0, 0.0))
+    state = sent[-1]._replace(time=then, taken=then, velocity=(0.0, 0.0))
     late = commands[-1]._replace(time=commands[-1].time + pause)
     assert 'changes' in ' '.join(wrong([*sent[:-1], state], [*commands[:-1], late]))
     slow = late._replace(velocity=(STEP, 0.0))

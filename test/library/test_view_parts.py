@@ -148,13 +148,19 @@ def test_of_goals_the_newest_counts_and_of_the_rest_each():
 
 
 def test_pages_of_other_sites_are_not_trusted():
-    assert trusted('http://localhost:8080', '127.0.0.1')
-    assert trusted('http://127.0.0.1:8080', '127.0.0.1')
-    assert trusted('http://192.168.0.7:8080', '0.0.0.0')
-    assert trusted('http://lab:8080', 'lab')
-    assert not trusted('http://example.org', '127.0.0.1')
-    assert not trusted('http://example.org:8080', '0.0.0.0')
-    assert not trusted('null', '127.0.0.1')
+    own = {'localhost', 'lab'}
+
+    def let_in(site, asked=None):
+        return trusted(f'http://{site}', site if asked is None else asked, own)
+
+    assert all(map(let_in, ('localhost:8080', '127.0.0.1:8080', '192.168.0.7:8080', 'lab:8080')))
+    assert let_in('[::1]:8080')
+    # A name of a stranger may lead to this machine.
+    assert not let_in('example.org:8080')
+    assert not let_in('203.0.113.5', '127.0.0.1:8080')
+    assert not let_in('127.0.0.1:9999', '127.0.0.1:8080')
+    assert not let_in('localhost:8080', '')
+    assert not trusted('null', 'localhost:8080', own)
 
 
 def test_obstacles_in_two_axes_are_discs_and_their_distance_is_a_line():

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
@@ -52,16 +53,25 @@ class LoneController:
         return msg
 
     def ask(self, position: Sequence[float], names: Sequence[str] = JOINTS) -> list[float]:
-        """Publish a joint state and return the velocities that answer it."""
-        stamp = self.give(position, names).header.stamp
+        """Publish a joint state and return the velocities that answer it.
 
-        def answers() -> list[JointState]:
-            return [command for command in self.commands if command.header.stamp == stamp]
+        A busy machine may hold it up until it is too old: then another one is published.
+        """
+        while True:
+            stamp, ignored = self.give(position, names).header.stamp, self.state.ignored_states
 
-        self.client.wait_for(
-            lambda: bool(answers()) and self.state.header.stamp == stamp, 'a command and its state'
-        )
-        return list(answers()[0].velocity)
+            def answers(stamp: Time = stamp) -> list[JointState]:
+                return [command for command in self.commands if command.header.stamp == stamp]
+
+            self.client.wait_for(
+                lambda stamp=stamp, ignored=ignored, answers=answers: (
+                    (answers() and self.state.header.stamp == stamp)
+                    or self.state.ignored_states > ignored
+                ),
+                'a command and its state',
+            )
+            if found := answers():
+                return list(found[0].velocity)
 
     def give_bad(self, position: Sequence[float], names: Sequence[str] = JOINTS) -> str:
         """Publish a joint state that is to be ignored; return what is said about it."""

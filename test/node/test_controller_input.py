@@ -9,6 +9,8 @@ from tp_sim.harness import GoalRejected
 START = [0.0, 0.6, 0.3]
 UNTIMED = {'/**': {'rate': None}}
 """Without a rate it is not judged whether the arm does what it is commanded to: it may jump."""
+PATIENT = {'tp_controller': {'timeouts': {'joint_state': 60.0}}}
+"""Every joint state is answered, however busy the machine is."""
 
 
 def test_order_of_joints_and_extra_joints_do_not_change_the_command(lone_controller):
@@ -56,7 +58,7 @@ def test_the_newest_state_is_answered_with_its_stamp_and_older_ones_are_counted(
 def test_the_state_of_every_cycle_arrives_though_the_next_joint_state_comes_at_once(
     lone_controller,
 ):
-    controller = lone_controller(UNTIMED)
+    controller = lone_controller(UNTIMED | PATIENT)
     controller.ask(START)
     states = []
     controller.client.on_state.append(states.append)
@@ -168,7 +170,7 @@ def test_bad_states_alone_make_the_controller_stale(lone_controller):
 
 def test_array_commands_carry_the_same_velocities_in_the_order_of_the_joints(lone_controller):
     named = lone_controller()
-    plain = lone_controller({'/**': {'command': {'type': 'float64_multi_array'}}})
+    plain = lone_controller({'/**': {'command': {'type': 'float64_multi_array'}}} | PATIENT)
     expected = named.ask(START)
     plain.give([0.3, 0.0, 0.6], ['joint_3', 'joint_1', 'joint_2'])
     plain.client.wait_for(lambda: len(plain.commands) == 1, 'a command')

@@ -5,11 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sensor_msgs.msg import JointState
 
 from tp_controller import build_settings, read_parameter_file
 from tp_controller.compiled import library_path
+from tp_interfaces.msg import ControllerState
 
 A = [0.4, 0.9, -0.3]
+JOINTS = ['joint_1', 'joint_2', 'joint_3']
 
 
 @pytest.mark.parametrize('start', [None, 'hold'])
@@ -34,6 +37,37 @@ def test_a_first_joint_state_that_waited_moves_nothing(lone_controller):
     assert not controller.commands
     controller.process.wait_for_output('s old when it came')
     assert np.abs(controller.ask(A)).max() > 0.1
+
+
+def test_a_driver_that_repeats_one_joint_state_moves_the_arm_for_a_moment_only(lone_controller):
+    controller = lone_controller()
+    client = controller.client
+    msg = JointState(name=JOINTS, position=A)
+    msg.header.stamp = client.node.get_clock().now().to_msg()
+
+    def repeat(until):
+        client.wait_for(
+            lambda: client.publish('joint_states', msg) or client.spin_for(0.005) or until(),
+            'it to be ignored',
+        )
+
+    repeat(lambda: controller.state.status == ControllerState.STALE)
+    controller.process.wait_for_output('the same one, stamp and all, comes again and again')
+    assert any(any(command.velocity) for command in controller.commands)
+    count = len(controller.commands) + 20
+    repeat(lambda: len(controller.commands) > count)
+    assert not any(any(command.velocity) for command in controller.commands[-10:])
+    # The driver goes on.
+    controller.stamp = msg.header.stamp.sec + 1
+    assert np.abs(controller.ask(A)).max() > 0.1
+
+
+def test_a_first_velocity_beyond_the_limit_is_no_command(lone_controller):
+    limits = {'velocity': [1.0], 'acceleration': [2.0]}
+    controller = lone_controller({'/**': {'robot': {'limits': limits}}})
+    controller.give(A, velocity=[60.0, -60.0, 0.3])
+    controller.client.wait_for(lambda: bool(controller.commands), 'a command')
+    assert np.abs(controller.commands[0].velocity).max() <= 1.0
 
 
 def test_with_start_target_the_arm_goes_to_the_targets_of_the_file(lone_controller):

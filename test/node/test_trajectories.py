@@ -136,11 +136,18 @@ def test_a_point_alone_goes_on_at_its_velocity_until_the_timeout(loop):
     assert away(loop, end)[-1] < 1e-3
 
 
+def begin_later(loop, msg, nanoseconds):
+    """Let a trajectory begin so much after the present state; the time of it [ns]."""
+    stamp = loop.state.header.stamp
+    begins = stamp.sec * 10**9 + stamp.nanosec + nanoseconds
+    msg.header.stamp.sec, msg.header.stamp.nanosec = divmod(begins, 10**9)
+    return begins
+
+
 def test_a_start_may_be_later_or_have_passed(loop):
     loop.set_parameters({'hierarchy': ['posture']})
     msg = joint_trajectory(JOINTS, [0.0, 1.0], [START, [0.4, 0.6, 0.3]])
-    later = loop.state.header.stamp.sec * 10**9 + loop.state.header.stamp.nanosec + 3 * 10**8
-    msg.header.stamp.sec, msg.header.stamp.nanosec = divmod(later, 10**9)
+    later = begin_later(loop, msg, 3 * 10**8)
     follow(loop, 'posture', msg)
     loop.run(1.5)
     record = loop.record
@@ -162,8 +169,7 @@ def test_the_path_before_goes_on_until_a_later_one_begins(loop):
     follow(loop, 'posture', joint_trajectory(JOINTS, [2.0], [[0.6, 0.6, 0.3]]))
     loop.run(0.5)
     msg = joint_trajectory(JOINTS, [1.5], [START])
-    begins = loop.state.header.stamp.sec * 10**9 + loop.state.header.stamp.nanosec + 5 * 10**8
-    msg.header.stamp.sec, msg.header.stamp.nanosec = divmod(begins, 10**9)
+    begins = begin_later(loop, msg, 5 * 10**8)
     follow(loop, 'posture', msg)
     loop.run(2.5)
     record = loop.record
@@ -181,8 +187,12 @@ def test_a_feedforward_ends_with_an_empty_trajectory(loop):
     loop.client.publish(
         'tp_controller/ee_position/trajectory', frame_trajectory([], np.empty((0, 2)))
     )
-    loop.run(3.0)
+    # It would last for 0.5 s by its time-out.
+    loop.run(0.2)
     assert np.abs(loop.record.qd[-1]).max() < 1e-4
+    there = loop.record.q[-1]
+    loop.run(0.6)
+    assert loop.record.q[-1] == pytest.approx(there, abs=1e-4)
 
 
 def test_a_path_that_is_too_fast_for_numbers_ends_at_rest(loop):

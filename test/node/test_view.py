@@ -8,7 +8,7 @@ from page_client import PageClient
 
 from tp_controller.errors import InvalidValue
 from tp_controller.view.page import Page
-from tp_interfaces.srv import AddTask
+from tp_interfaces.srv import AddTask, RemoveTask
 from tp_sim.harness import ClosedLoop, NodeProcess, PrivateDomain
 
 
@@ -32,7 +32,7 @@ def page(loop):
     client = PageClient(address)
     client.wait_for(lambda: client.element('TransformControlsMessage'))
     client.wait_for(lambda: client.element('GuiSliderMessage', 'joint_1'))
-    client.address = address
+    client.address, client.process = address, page
     yield client
     client.close()
     assert page.stop() == 0
@@ -98,6 +98,34 @@ def test_a_refused_change_is_told(page):
     assert 'refused: tasks.' in str(told)
 
 
+def test_a_task_that_becomes_one_of_another_type_takes_goals(loop, page):
+    call = loop.client.call
+    assert call(
+        RemoveTask, 'tp_controller/remove_task', RemoveTask.Request(name='joint_1_position')
+    ).success
+    request = AddTask.Request(name='joint_1_position', level=1)
+    request.parameters = '{type: orientation, frame: link_2, axes: z}'
+    page.messages.clear()
+    assert call(AddTask, 'tp_controller/add_task', request).success
+    page.wait_for(lambda: '/targets/joint_1_position' in str(page.messages))
+    assert page.process.running
+
+
+def test_hold_that_is_pressed_again_goes_on_holding(loop, page):
+    client = PageClient(page.address)
+    client.wait_for(lambda: client.element('GuiButtonMessage', 'Resume'))
+    for _ in range(2):
+        client.set(client.element('GuiButtonMessage', 'Hold'), True)
+        loop.client.wait_for(lambda: loop.state.held, 'the hold')
+        client.wait_for(lambda: 'held by ~/hold' in str(client.messages))
+        client.messages[:] = [m for m in client.messages if m['type'] == 'GuiButtonMessage']
+    client.receive(1.0)
+    assert loop.state.held
+    client.set(client.element('GuiButtonMessage', 'Resume'), True)
+    loop.client.wait_for(lambda: not loop.state.held, 'its end')
+    client.close()
+
+
 def test_pages_of_other_sites_are_not_let_in(page):
     client = PageClient(page.address, origin='http://example.org')
     client.receive(20.0)
@@ -136,9 +164,12 @@ def test_it_waits_for_a_controller_and_survives_its_restarts(config):
         controller.wait()
         client.messages.clear()
         client.wait_for(lambda: 'waiting for /tp_controller: no state' in client.text())
-        other = config / 'a3_position_orientation.yaml'
+        # With a joint more: it is not drawn as the robot of before.
+        simulator.stop()
+        other = config / 'c1_algorithmic_singularity.yaml'
+        simulator = NodeProcess('tp_sim', 'simulator', other, domain.environment())
         controller = NodeProcess('tp_controller', 'controller', other, domain.environment())
-        client.wait_for(lambda: '/targets/ee_orientation' in str(client.messages))
+        client.wait_for(lambda: '/arm/bone_3' in str(client.messages))
         controller.stop()
     finally:
         client.close()
@@ -156,3 +187,9 @@ def test_what_cannot_be_used_is_told_in_one_line(loop):
     assert page.output.count('\n') == 1
     with pytest.raises(InvalidValue, match='port: got 70000; accepts a number from 0'):
         Page(port=70000)
+    page = NodeProcess(
+        'tp_controller', 'view', None, loop.environment, arguments=['--simulator', 'a b']
+    )
+    assert page.wait(60.0) == 2
+    assert page.output.startswith('view: Invalid service name: ')
+    assert page.output.count('\n') == 1

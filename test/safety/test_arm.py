@@ -100,6 +100,31 @@ def test_a_joint_that_says_it_moves_is_not_blocked_if_the_time_is_known_badly():
     assert np.abs(after - before).max() <= CHANGE * (1.0 + 1e-9)
 
 
+def test_a_blocked_joint_is_held_though_its_driver_says_the_command_as_velocity():
+    stack = joint_stack()
+    q, command, largest = np.zeros(2), np.zeros(2), 0.0
+    for _ in range(2000):
+        try:
+            command = stack.step(q, PERIOD, command).command.copy()
+        except UnusableState as error:
+            command = error.command.copy()
+        largest = max(largest, float(np.abs(command).max()))
+    assert largest <= CHANGE * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize('speed', [0.9, 5.0, 1e6])
+def test_a_first_velocity_that_is_not_true_moves_the_arm_for_one_step_inside_the_limit(speed):
+    stack = joint_stack(target=(0.0, 0.0))
+    q, command = np.zeros(2), np.zeros(2)
+    speeds = []
+    for _ in range(50):
+        command = stack.step(q, PERIOD, np.array([speed, 0.0])).command
+        q = q + PERIOD * command * (len(speeds) > 0)
+        speeds.append(float(np.abs(command).max()))
+    assert speeds[0] <= 2.0
+    assert max(speeds[1:]) <= CHANGE * (1.0 + 1e-9)
+
+
 def test_an_arm_that_moves_on_after_a_jump_goes_on_from_its_velocity():
     """Its states may have been held up while it moved."""
     stack = joint_stack()

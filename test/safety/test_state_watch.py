@@ -163,6 +163,34 @@ def test_stamps_that_stay_while_the_arm_moves_say_nothing(stamp):
     assert feed.answer(stamp, 0.9, after=0.2 * PERIOD)[0], 'too soon for a new state'
 
 
+def test_a_stamp_that_stands_does_not_tell_how_its_clock_runs():
+    feed = Feed()
+    for i in range(500):
+        feed.answer(100.0 + PERIOD * i, float(i))
+    last = 100.0 + PERIOD * 499
+    assert feed.watch.real_time
+    for _ in range(300):
+        assert feed.answer(last, 499.0) == (True, 0.0)
+    assert feed.watch.real_time
+
+
+def test_states_that_were_never_answered_count_for_a_stamp_that_stands():
+    feed = Feed()
+    for i in range(500):
+        feed.answer(100.0 + PERIOD * i, float(i))
+    last = 100.0 + PERIOD * 499
+    ages = [feed.give(last, 500.0 + i, after=0.06, sent=50.0 + 0.06 * i).age for i in range(6)]
+    assert ages[1] > LIMIT
+    assert max(ages[3:]) < 1e-6
+
+
+def test_one_late_state_does_not_keep_a_clock_that_is_behind_from_being_known():
+    lag = Lag(LIMIT, expected=0.0)
+    ages = [lag.age(PERIOD * i - (0.35 if i == 20 else 0.2), PERIOD * i) for i in range(300)]
+    assert ages[100] > LIMIT
+    assert max(ages[130:]) < 1e-9
+
+
 def test_elapsed_follows_the_time_of_a_simulation_and_not_a_clock_that_jumps():
     feed = Feed()
     feed.answer(1.0)

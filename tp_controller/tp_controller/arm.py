@@ -38,6 +38,8 @@ BACK = 0.5
 """An arm follows again when it is parted by less than this share of what is allowed."""
 SLOWER = 0.5
 """A joint that moves by less than this share of its command is taken as it moves."""
+DOUBTFUL = 0.2
+"""A time between states that differs from the period by more than this share may be wrong."""
 JUMP = 3.0
 """So many times as far as its velocity limit lets it a joint does not get."""
 JUMP_LEAST = 0.05
@@ -303,13 +305,15 @@ class Arm:
     def _follow(self, q: Vector, passed: float, before: Vector, qd: Vector | None) -> bool:
         """Go on to a position, if the arm can have come to it.
 
-        A joint that says itself that it moves is not taken as blocked: the time since the last
-        state may be known badly, and with it what the positions say of the velocity.
+        Where the time since the last state is no period it may be known badly, and with it what
+        the positions say of the velocity. A joint that says itself that it moves is not taken as
+        blocked then.
         """
         self._asked[:] = before
         if not self._kernel.follow(q, self._now, passed, *self._arguments(before)):
             return False
-        if qd is not None and not np.array_equal(before, self._asked):
+        doubtful = abs(passed - self.period) > DOUBTFUL * self.period
+        if doubtful and qd is not None and not np.array_equal(before, self._asked):
             moves = qd * np.sign(self._asked) >= SLOWER * np.abs(self._asked)
             before[moves] = self._asked[moves]
         return True
@@ -459,10 +463,10 @@ class Arm:
         if not self._timed:
             return
         if qd is not None and np.isfinite(qd).all():
-            before[:] = qd
-            self._commands[:] = qd
-            self._v[:] = qd
-            self._v_high[:] = self._v_low[:] = qd
+            # A joint that says more than it can do does not say the truth.
+            speed = np.clip(qd, -self.limit, self.limit)
+            before[:] = self._commands[:] = self._v[:] = speed
+            self._v_high[:] = self._v_low[:] = speed
         self._refer()
 
     def _pass(self, elapsed: float | None) -> float:

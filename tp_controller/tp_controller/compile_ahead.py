@@ -32,7 +32,8 @@ def build() -> Path:
     with (path.parent / 'compiled.lock').open('w') as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         found = path.parent.glob('compiled_*')
-        others = [old for old in found if old.is_dir() and old != path]
+        # Another Python has a library of its own.
+        others = [old for old in found if old != path and any(old.glob(f'*{compiled.SUFFIX}'))]
         if not path.is_dir():
             with tempfile.TemporaryDirectory(dir=path.parent) as made:
                 folder = Path(made, path.name)

@@ -136,23 +136,29 @@ def njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]
 
 
 def _out_of_library(function: Callable[..., Any]) -> Any:
-    return getattr(_part(function.__module__), function.__name__, function)
+    part = _parts().get(part_name(function.__module__))
+    return getattr(part, function.__name__, function)
 
 
 @cache
-def _part(name: str) -> ModuleType:
-    """Machine code of a module; empty, if none of its functions has a signature."""
+def _parts() -> dict[str, ModuleType]:
+    """Machine code of all modules that have functions with a signature.
+
+    All at once: another process may put a library of newer sources in the place of this one.
+    """
     folder = library()
     assert folder is not None
-    file = folder / f'{part_name(name)}{SUFFIX}'
-    if not file.exists():
-        return ModuleType(name)
-    loader = ExtensionFileLoader(part_name(name), str(file))
-    spec = spec_from_loader(loader.name, loader)
-    assert spec is not None
-    part = module_from_spec(spec)
-    loader.exec_module(part)
-    return part
+    found = {}
+    for file in folder.glob(f'*{SUFFIX}'):
+        name = file.name.removesuffix(SUFFIX)
+        loader = ExtensionFileLoader(name, str(file))
+        spec = spec_from_loader(name, loader)
+        assert spec is not None
+        found[name] = module_from_spec(spec)
+        loader.exec_module(found[name])
+    if not found:
+        raise ImportError(f'{folder}: the compiled functions are gone; start again')
+    return found
 
 
 def part_name(name: str) -> str:

@@ -75,7 +75,7 @@ class SafetyFilter:
         self._plain = True
         self._step, self._acceleration = period, robot.limits.acceleration
         self._bounds = Bounds.of_speed(robot.limits.velocity)
-        self.arm = Arm(robot.joints, robot.response, period, robot.space)
+        self.arm = self._model(robot)
         self.transition = Transition()
         self._late = not robot.response.ideal
         self._ahead = Lookahead(robot, self.arm, ())
@@ -128,7 +128,7 @@ class SafetyFilter:
         Tasks have to be watched anew.
         """
         self.period = self._step = period
-        self.arm = Arm(self._robot.joints, self._robot.response, period, self._robot.space)
+        self.arm = self._model(self._robot)
         self._before[:] = 0.0
         self._limits = None
 
@@ -210,6 +210,12 @@ class SafetyFilter:
             arm.step,
             *bounds[1:5],
         )
+
+    def _model(self, robot: Robot) -> Arm:
+        """A model of the arm that knows from its first state on how fast joints can be."""
+        arm = Arm(robot.joints, robot.response, self.period, robot.space)
+        arm.limit = robot.limits.velocity
+        return arm
 
     def _use(self, limits: Limits) -> None:
         # Compiled, or loaded, with the solver's kernel, not to refuse a parameter file.

@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from tp_controller.command_line import OneLineParser
 from tp_controller.config import build_settings, read_parameter_file
 from tp_controller.errors import InvalidValue, TaskPriorityError
 from tp_controller.parameters import Flat
@@ -70,7 +71,7 @@ def main() -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog='compare',
         description='Run the goals that a parameter file lists under tp_demo, each from the '
         'initial positions, under several resolution schemes.',

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from tp_controller.command_line import OneLineParser
 from tp_controller.config import build_robot, describe_robot, read_parameter_file, shared_schema
 from tp_controller.config.schema import DESCRIPTION
 from tp_controller.errors import InvalidValue
@@ -32,7 +33,7 @@ def main() -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog='description',
         description='Write the URDF of the robot that a parameter file gives to the simulator, '
         'for robot_state_publisher and RViz.',

@@ -10,6 +10,7 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
+from tp_controller.command_line import OneLineParser
 from tp_controller.config import read_parameters
 from tp_controller.config.files import read_parameter_file
 from tp_controller.errors import TaskPriorityError
@@ -43,7 +44,7 @@ def main() -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog='live',
         description='Run simulator and controller in real time, with the page in the browser. '
         'Ctrl-C ends all three.',
@@ -77,9 +78,8 @@ def _run(given: argparse.Namespace, stack: ExitStack) -> int:
     while True:
         ended = [process for process in processes if not process.running]
         for i, process in enumerate(processes):
-            text = process.output
-            print(text[printed[i] :], end='', flush=True)
-            printed[i] = len(text)
+            text, printed[i] = process.output_since(printed[i])
+            print(text, end='', flush=True)
         if ended:
             print(f'live: {ended[0].name} has ended', file=sys.stderr)
             return ended[0].wait() or ENDED

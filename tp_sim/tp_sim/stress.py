@@ -26,6 +26,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from tp_controller.command_line import OneLineParser
 from tp_controller.config import build_robot, build_settings, describe_robot, read_parameter_file
 from tp_controller.config.build import read_parameters
 from tp_controller.errors import InvalidValue, TaskPriorityError, UnusableState
@@ -143,7 +144,7 @@ def _at_least(least: int) -> Callable[[str], int]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog='stress', description=(__doc__ or '').split('\n')[0])
+    parser = OneLineParser(prog='stress', description=(__doc__ or '').split('\n')[0])
     parser.add_argument('--config', type=Path, required=True, help='parameter file')
     parser.add_argument('--steps', type=_at_least(1), default=100_000, help='of every scheme')
     parser.add_argument(

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from tp_controller.command_line import OneLineParser
 from tp_controller.errors import TaskPriorityError
 from tp_controller.plots.animation import check_animation, draw_animation
 from tp_controller.plots.report import draw_plots, run_and_stack
@@ -45,7 +46,7 @@ def main() -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog='plot',
         description='Draw what is in a recording: errors by level, joints and their limits, '
         'distances, ranks, ages, and the arm.',

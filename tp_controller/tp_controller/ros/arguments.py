@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
+from rclpy.exceptions import NameValidationException
+
 from tp_controller.config import empty_list, read_blocks
 from tp_controller.errors import InvalidValue, listed
 
@@ -64,6 +66,9 @@ def parameter_files(argv: Sequence[str]) -> list[str]:
 
 
 def one_line(error: Exception) -> str:
-    """First sentence of an exception of ``rclpy.init``, which may run over many lines."""
+    """What an exception of rclpy says, which may run over many lines."""
+    if isinstance(error, NameValidationException):
+        said, name, *_ = str(error).splitlines()
+        return f'{said} {name.strip()}'
     text = ' '.join(str(error).partition(', at ')[0].split())
     return f'unknown ROS arguments {text}' if text.startswith('[') else text

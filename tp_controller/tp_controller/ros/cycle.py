@@ -122,6 +122,10 @@ class Cycle:
         """Whether the last state could not be used, and was answered by braking."""
         self._unanswered = 0
         self._braked = self._moved = -math.inf
+        self._last: Arrival | None = None
+        """What was answered last, copies of states included."""
+        self._copied: Arrival | None = None
+        """The first of it to be answered by motion, if copies of it came; else None."""
         self._step_time: float | None = None
         self._last_seen = self._looked = time.monotonic()
         self._refused = 0
@@ -185,6 +189,14 @@ class Cycle:
                     'old states', f'joint state ignored: {arrival.age:.3g} s old when it came'
                 )
                 return None
+            if self._stands(arrival):
+                self._state.ignored_states += older + 1
+                self._warnings.warn(
+                    'old states',
+                    'joint state ignored: the same one, stamp and all, comes again '
+                    f'and again, for more than {self._limit:g} s',
+                )
+                return None
             try:
                 self._measure(arrival)
             except InvalidValue as error:
@@ -196,6 +208,20 @@ class Cycle:
             self.behind = skipped > 0
             return arrival
         return None
+
+    def _stands(self, arrival: Arrival) -> bool:
+        """Whether copies of one state have come for too long while the arm is moved by it.
+
+        A simulation may wait for its answer as long as it likes; an arm does not wait.
+        """
+        watch = self._watch
+        if not (watch.is_resend(arrival) and watch.of_wall_clock(arrival)):
+            return False
+        if self._copied is None and self._commands.velocity.any():
+            self._copied = self._last
+        if self._copied is None:
+            return False
+        return not self.running or watch.between(self._copied, arrival) > self._limit
 
     def _measure(self, arrival: Arrival) -> None:
         """Read what the arm does at present; all that is measured enters here."""
@@ -305,8 +331,10 @@ class Cycle:
         if not again or self._braked > self._moved:
             self._moved = arrival.taken
         self._step_time = step_time
+        self._last = arrival
         if not again:
             self._watch.answered(arrival)
+            self._copied = None
         followed = self._stack.arm if self._reference is None else self._reference
         if notice := followed.notice:
             self._warnings.warn('arm', f'{notice}: the arm is braked')
@@ -389,7 +417,8 @@ class Cycle:
                 self._warnings.warn('rate', problem, lasting=True)
             elif problem is not None:
                 self._warnings.clear('rate')
-        self._last_seen = time.monotonic()
+        if self._copied is None:
+            self._last_seen = time.monotonic()
         self._refused = state.ignored_states
 
     # Rest

@@ -21,6 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import JointState
 
+from tp_controller.command_line import OneLineParser
 from tp_controller.config import build_robot, read_parameter_file
 from tp_controller.config.build import read_parameters
 from tp_controller.config.schema import POSITION_TYPES
@@ -114,7 +115,7 @@ def main() -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog='measure_arm',
         description='Move each joint of an arm a little, there and back, and print its delay, lag '
         'and noise for the parameter file. No controller may run meanwhile.',

@@ -15,6 +15,7 @@ from rclpy.exceptions import InvalidTopicNameException
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from tp_controller.command_line import OneLineParser
 from tp_controller.errors import InvalidValue
 from tp_controller.recording import Contents, RecordingWriter
 from tp_controller.ros.arguments import one_line
@@ -83,7 +84,7 @@ def summary(path: Path, contents: Contents) -> list[str]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog='record',
         description='Record a running controller into an MCAP file: every topic that it listens '
         'to or publishes, its parameters and its robot. Ctrl-C ends it.',

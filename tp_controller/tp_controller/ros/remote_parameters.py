@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import array
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +15,8 @@ from rclpy.parameter import parameter_value_to_python
 from tp_controller.parameters import Flat
 from tp_controller.ros.parameters import ROS_OWN
 
+LOST = 5.0
+"""Time [s] after which an answer is no longer waited for; all is asked for again."""
 AT_ONCE = 8
 """Values that are asked for in one call: more would hold up a controller's cycle."""
 
@@ -49,6 +52,7 @@ class RemoteParameters:
         self._call: Any = None
         self._names: list[str] = []
         self._asked: list[str] = []
+        self._begin = 0.0
 
     def ask_again(self) -> None:
         """Forget the values, which may be those of a process that is over."""
@@ -60,10 +64,13 @@ class RemoteParameters:
         if self._call is None:
             if self._wanted and self._list.service_is_ready() and self._get.service_is_ready():
                 self._wanted = False
+                self._begin = time.monotonic()
                 self._call = self._list.call_async(ListParameters.Request())
                 self._asked = []
             return
         if not self._call.done():
+            if time.monotonic() - self._begin > LOST:
+                self.ask_again()
             return
         answer, self._call = self._call.result(), None
         if isinstance(answer, ListParameters.Response):
@@ -73,6 +80,7 @@ class RemoteParameters:
             self._keep(self._asked, answer.values)
         self._asked, self._names = self._names[:AT_ONCE], self._names[AT_ONCE:]
         if self._asked:
+            self._begin = time.monotonic()
             self._call = self._get.call_async(GetParameters.Request(names=self._asked))
         else:
             self.complete = not self._wanted

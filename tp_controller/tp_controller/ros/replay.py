@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tp_controller.command_line import OneLineParser
 from tp_controller.errors import TaskPriorityError, plural
 from tp_controller.recording import Recording
 from tp_controller.ros.replaying import Answer, Replay
@@ -66,7 +67,7 @@ def report(answers: Sequence[Answer], joints: Sequence[str]) -> list[str]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog='replay',
         description='Step the stack of a recording from its joint states and goals, without '
         'nodes, and compare the commands with those recorded.',

@@ -15,6 +15,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from tp_controller.command_line import OneLineParser
 from tp_controller.errors import InvalidValue, TaskPriorityError, listed
 from tp_controller.ros.arguments import one_line
 from tp_controller.ros.goals import goal_message
@@ -105,7 +106,7 @@ def _plain(word: str) -> str:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog='send_goal',
         description='Send a goal to a task of a running controller.',
         formatter_class=argparse.RawDescriptionHelpFormatter,

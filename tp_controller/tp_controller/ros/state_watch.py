@@ -24,6 +24,8 @@ BACK = 5
 """So many states in a row with stamps before the newest one: their clock was set back."""
 LEAP = 2.0
 """Stamps that gain so much [s] on the other clocks from one state to the next were set."""
+DAY = 86_400_000_000_000
+"""Stamps that differ by less [ns] from the clock of their sender are of that clock."""
 CONSTANT = 3
 """So many states in a row that changed, but not their stamp: the stamp says nothing."""
 
@@ -78,10 +80,14 @@ class Lag:
         self._last = -math.inf
         self._old = _Run()
 
-    def age(self, sent: float, now: float) -> float:
-        """Age [s] of what was sent at a time of the other clock and came at a steady time."""
+    def age(self, sent: float, now: float, stands: bool = False) -> float:
+        """Age [s] of what was sent at a time of the other clock and came at a steady time.
+
+        A time that ``stands``, being that of the call before, does not tell how its clock runs.
+        """
         lag = now - sent
-        self._compare(lag, now)
+        if not stands:
+            self._compare(lag, now)
         self.set_back = 0.0
         if now >= self._window_end:
             self._before, self._least = self._least, math.inf
@@ -93,13 +99,23 @@ class Lag:
         age = lag - min(least, lag)
         if age <= self._limit:
             self._old = _Run()
-        elif self._old.add(lag, now) >= SHIFT and self._old.spread < self._limit:
+        else:
+            age = self._judge_old(lag, now, age)
+        if age <= self._limit:
+            self._least = min(self._least, lag)
+        return age
+
+    def _judge_old(self, lag: float, now: float, age: float) -> float:
+        """Age [s], zero if the clock was set back: all lags are alike for a while."""
+        long = self._old.add(lag, now) >= SHIFT
+        if self._old.spread >= self._limit:
+            self._old = _Run()
+            self._old.add(lag, now)
+        elif long:
             self.set_back, age = age, 0.0
             self._before = math.inf
             self._least = self._old.least
             self._old = _Run()
-        if age <= self._limit:
-            self._least = min(self._least, lag)
         return age
 
     def _compare(self, lag: float, now: float) -> None:
@@ -170,6 +186,7 @@ class StateWatch:
         """Whether messages are known to come from one publisher: gaps in their numbers tell."""
         self._number: int | None = None
         self._newest = 0
+        self._before: JointStateValues | None = None
         self._back: list[Arrival] = []
         self._constant = 0
         self._answered: Arrival | None = None
@@ -205,8 +222,9 @@ class StateWatch:
                     'the clock of who sends joint states is behind, or was set back, '
                     f'by {by:.3g} s'
                 )
-        if stamp:
-            age = self._stamps.age(1e-9 * stamp, now)
+        stands = self._see_whether_it_stands(msg, stamp)
+        if stamp and not (stands and self._is_answered(msg, stamp)):
+            age = self._stamps.age(1e-9 * stamp, now, stands)
             if self._stamps.steady and not self._says_nothing:
                 ages.append(age)
         arrival = Arrival(msg, stamp, sent, now, max(ages) if ages else idle)
@@ -229,6 +247,21 @@ class StateWatch:
     def _says_nothing(self) -> bool:
         """Whether stamps stay while the states change."""
         return self._constant >= CONSTANT
+
+    def _see_whether_it_stands(self, msg: JointStateValues, stamp: int) -> bool:
+        """Whether a stamp is that of the state before; counts those whose content changed."""
+        before, self._before = self._before, msg
+        if before is None or stamp != self._newest or not stamp:
+            self._constant = 0
+            return False
+        if not _same(msg, before):
+            self._constant += 1
+        return True
+
+    def _is_answered(self, msg: JointStateValues, stamp: int) -> bool:
+        """Whether this is the state that was answered last, stamp and content."""
+        last = self._answered
+        return last is not None and stamp == last.stamp and _same(msg, last.msg)
 
     def _count(self, number: int | None) -> None:
         self.received += 1
@@ -281,11 +314,15 @@ class StateWatch:
         than the next state would.
         """
         last = self._answered
-        if last is None or arrival.stamp != last.stamp or not _same(arrival.msg, last.msg):
+        if last is None or not self._is_answered(arrival.msg, arrival.stamp):
             return False
         if arrival.stamp and not self._says_nothing:
             return True
-        return self._between(last, arrival) < 0.5 * min(self.period, self._limit)
+        return self.between(last, arrival) < 0.5 * min(self.period, self._limit)
+
+    def of_wall_clock(self, arrival: Arrival) -> bool:
+        """Whether the stamp of a state is a time of its sender's clock, not of a simulation."""
+        return arrival.stamp > 0 < arrival.sent and abs(arrival.sent - arrival.stamp) < DAY
 
     def elapsed(self, arrival: Arrival) -> float:
         """Time [s] between the state that was answered last and this one; infinite without one.
@@ -296,7 +333,7 @@ class StateWatch:
         last = self._answered
         if last is None:
             return math.inf
-        between = self._between(last, arrival)
+        between = self.between(last, arrival)
         if arrival.stamp > last.stamp > 0:
             passed = 1e-9 * (arrival.stamp - last.stamp)
             ahead = passed - between
@@ -313,13 +350,9 @@ class StateWatch:
 
     def answered(self, arrival: Arrival) -> None:
         """Take note that a state was answered."""
-        last, self._answered = self._answered, arrival
-        if last is None or not arrival.stamp or arrival.stamp != last.stamp:
-            self._constant = 0
-        elif not _same(arrival.msg, last.msg):
-            self._constant += 1
+        self._answered = arrival
 
-    def _between(self, last: Arrival, arrival: Arrival) -> float:
+    def between(self, last: Arrival, arrival: Arrival) -> float:
         """Time [s] between two states, by what is known beside their stamps."""
         taken = arrival.taken - last.taken
         sent = 1e-9 * (arrival.sent - last.sent)

@@ -11,12 +11,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import rclpy
-from rclpy.exceptions import InvalidTopicNameException
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from tp_controller.command_line import OneLineParser
 from tp_controller.config import read_parameter_file
 from tp_controller.errors import InvalidValue, TaskPriorityError
 from tp_controller.parameters import Flat
@@ -36,7 +37,7 @@ REFUSED = 2
 PERIOD = 0.045
 """Time [s] between two pictures."""
 RETRY = 2.0
-"""Time [s] after which a robot that could not be built is tried again."""
+"""Time [s] after which a robot without a description is tried again."""
 FILE = 'stack.yaml'
 DEFAULT = 'tp_controller'
 
@@ -67,8 +68,10 @@ def main() -> int:
             # An exception could come while something is collected or called back, and be lost.
             signal.signal(number, viewer.stop)
         viewer.run()
-    except (InvalidValue, InvalidTopicNameException) as error:
+    except InvalidValue as error:
         return _refuse(str(error))
+    except NameValidationException as error:
+        return _refuse(one_line(error))
     except RuntimeError as error:
         if rclpy.ok():
             raise
@@ -89,7 +92,7 @@ def main() -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog='view',
         description='Show a running controller on a page in the browser, with targets to drag, '
         'or a recording with a slider of time. Ctrl-C ends it.',
@@ -257,7 +260,11 @@ class Viewer:
         panel.wait(f'waiting for {self._name}: {sight.silence}' if sight.silence else self._wait)
         if self._link is not None:
             panel.show_simulator(self._link.simulated)
-        self.view.show(sight.state, sight.rate, self._parameters.values)
+        try:
+            self.view.show(sight.state, sight.rate, self._parameters.values)
+        except InvalidValue as error:
+            # The state is of another robot than the model, which follows.
+            self._wait = f'the state cannot be drawn: {error}'
 
     def _follow_restarts(self, sight: Sight) -> None:
         """Ask for everything anew if the controller is another one, or has other tasks."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -20,7 +22,9 @@ from tp_interfaces.srv import Reset as ResetService
 from tp_interfaces.srv import Save as SaveService
 
 UNANSWERED = 20
-"""Calls that wait for an answer at most; who does not answer them gets no more."""
+"""Calls that wait for an answer at most, those of hold apart."""
+LOST = 5.0
+"""Time [s] after which an answer is no longer waited for."""
 
 
 class ViewLink:
@@ -47,7 +51,7 @@ class ViewLink:
         self._hold = node.create_client(SetBool, f'{controller}/hold')
         self._save = node.create_client(SaveService, f'{controller}/save')
         self._reset = node.create_client(ResetService, f'{simulator}/reset')
-        self._calls: set[Any] = set()
+        self._calls: dict[Any, float] = {}
 
     @property
     def simulated(self) -> bool:
@@ -57,7 +61,10 @@ class ViewLink:
     def prepare(self, state: ControllerState) -> None:
         """Let the goals' topics be found before the first goal is sent."""
         for task in state.tasks:
-            self._publisher(task)
+            if len(task.target_components):
+                with contextlib.suppress(InvalidValue):
+                    msg = goal_message(task, [0.0] * len(task.target_components))
+                    self._publisher(task, type(msg))
 
     def grant(self, wish: Wish, state: ControllerState | None) -> None:
         """Do what somebody asks for.
@@ -93,30 +100,35 @@ class ViewLink:
         except InvalidValue as error:
             self._say(str(error))
             return
-        publisher = self._publisher(task)
-        if publisher is not None:
-            publisher.publish(msg)
+        self._publisher(task, type(msg)).publish(msg)
 
-    def _publisher(self, task: Any) -> Publisher | None:
-        if task.name not in self._publishers and len(task.target_components):
-            try:
-                kind = type(goal_message(task, [0.0] * len(task.target_components)))
-            except InvalidValue:
-                return None
+    def _publisher(self, task: Any, kind: type) -> Publisher:
+        """Where goals of a task are sent, which may have become one of another type."""
+        found = self._publishers.get(task.name)
+        if found is not None and found.msg_type is not kind:
+            self._node.destroy_publisher(found)
+            found = None
+        if found is None:
             topic = f'{self._controller}/{task.name}/goal'
-            self._publishers[task.name] = self._node.create_publisher(kind, topic, 10)
-        return self._publishers.get(task.name)
+            found = self._publishers[task.name] = self._node.create_publisher(kind, topic, 10)
+        return found
 
     def _ask(self, client: Any, request: Any, done: str) -> None:
-        if not client.service_is_ready() or len(self._calls) >= UNANSWERED:
+        now = time.monotonic()
+        for call, begin in list(self._calls.items()):
+            if now - begin > LOST:
+                # Its node has ended, or was stopped: what it still says is too late.
+                del self._calls[call]
+        crowded = len(self._calls) >= UNANSWERED and client is not self._hold
+        if crowded or not client.service_is_ready():
             self._say(f'{client.service_name} does not answer')
             return
         call = client.call_async(request)
-        self._calls.add(call)
+        self._calls[call] = now
         call.add_done_callback(partial(self._on_answer, done))
 
     def _on_answer(self, done: str, call: Any) -> None:
-        self._calls.discard(call)
+        self._calls.pop(call, None)
         answer = call.result()
         if isinstance(answer, SetParametersAtomically.Response):
             good, text = answer.result.successful, answer.result.reason

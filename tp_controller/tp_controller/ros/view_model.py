@@ -83,10 +83,6 @@ class ViewModel:
             found, self._reading = self._reading.result(), None
             yield from found
 
-    def close(self) -> None:
-        """Let what is being built be."""
-        self._thread.shutdown(wait=False, cancel_futures=True)
-
     def _on_description(self, msg: String) -> None:
         self._description = msg.data
 

@@ -10,12 +10,13 @@ import sys
 import time
 
 import rclpy
-from rclpy.exceptions import InvalidTopicNameException
+from rclpy.exceptions import NameValidationException
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from rich.console import Console
 from rich.live import Live
 
+from tp_controller.command_line import OneLineParser
 from tp_controller.ros.arguments import one_line
 from tp_controller.ros.cycle import ANSWERING
 from tp_controller.ros.watch_table import render
@@ -45,8 +46,8 @@ def main() -> int:
     try:
         watcher = Watcher(node, given.controller)
         return _once(watcher, given.timeout) if given.once else _watch(watcher, given.period)
-    except InvalidTopicNameException as error:
-        return _refuse(str(error))
+    except NameValidationException as error:
+        return _refuse(one_line(error))
     except BrokenPipeError:
         # The reader of a pipe has had enough; nothing is to be flushed into it at the end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -59,7 +60,7 @@ def main() -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog='watch',
         description='Show what a running controller does: its levels and tasks, who blocks whom, '
         'what limits it, and how old its commands are. Ctrl-C ends it.',
@@ -93,9 +94,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _time(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
     if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f'{text}: a number above 0')
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number above 0')
     return value
 
 

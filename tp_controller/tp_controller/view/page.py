@@ -7,7 +7,8 @@ import io
 import ipaddress
 import socket
 import urllib.parse
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from typing import Any
 
 import viser
 from viser import _messages as messages
@@ -24,8 +25,8 @@ SAID = 6.0
 class Page:
     """A page that any number of browsers show at a time.
 
-    A browser is let in only with a page of this machine: another site that is open in it could
-    move the arm else. viser's tunnel to the internet is closed.
+    A browser is let in only with this very page: another site that is open in it could move the
+    arm else. viser's tunnel to the internet is closed.
 
     Parameters
     ----------
@@ -48,6 +49,8 @@ class Page:
     def __init__(self, host: str = LOCAL[0], port: int = 8080) -> None:
         _check(host, port)
         self._host = host
+        name = socket.gethostname()
+        self._own = frozenset({*LOCAL, host, name, socket.getfqdn(), f'{name}.local'})
         with _silence():
             self.server = viser.ViserServer(host, port, TITLE, verbose=False)
         connections: infra.WebsockServer = self.server._websock_server
@@ -95,20 +98,28 @@ class Page:
     async def _admit(self, connection: infra.WebsockClientConnection) -> None:
         """Close a connection that a page of another site has opened, before it is listened to."""
         found = self.server._websock_server._live_connections[connection.client_id]
-        origin = found.request.headers.get('Origin') if found.request else None
-        if origin is not None and not trusted(origin, self._host):
+        headers = found.request.headers if found.request else {}
+        origin = headers.get('Origin')
+        if origin is not None and not trusted(origin, headers.get('Host', ''), self._own):
             await found.close(1008, 'pages of other sites are not let in')
 
 
-def trusted(origin: str, host: str) -> bool:
-    """Whether a page of an origin may talk to a server that listens on a host.
+def trusted(origin: str, asked: str, own: Collection[str]) -> bool:
+    """Whether a page may talk to the server that it asks.
 
-    A name that is neither this machine's nor an address may be anyone's that leads here.
+    Parameters
+    ----------
+    origin
+        Where the page is from.
+    asked
+        Host and port that it asks, which have to be those of its origin.
+    own
+        Names of this machine. Any other name may be made to lead here.
     """
-    name = urllib.parse.urlsplit(origin).hostname
-    if name is None:
+    found = urllib.parse.urlsplit(origin)
+    name = found.hostname
+    if name is None or found.netloc != asked:
         return False
-    own = {*LOCAL, host, socket.gethostname(), socket.getfqdn(), f'{socket.gethostname()}.local'}
     return name in own or _is_address(name)
 
 
@@ -130,13 +141,22 @@ def _check(host: str, port: int) -> None:
         raise InvalidValue('port', shown(port), 'a number from 0 (any free port) to 65535')
     try:
         family, *_, place = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
-        with socket.socket(family, socket.SOCK_STREAM) as probe:
-            probe.bind(place)
+        _bind(family, place)
     except OSError as error:
         got = f'{shown(host)} ({error.strerror})'
         raise InvalidValue(
             'host', got, 'an address of this machine, or 0.0.0.0 for all of them'
         ) from None
+    for candidate in range(port, 65536):
+        with contextlib.suppress(OSError):
+            _bind(family, (place[0], candidate, *place[2:]))
+            return
+    raise InvalidValue('port', f'{port}, taken like all after it', 'a free one; 0: any')
+
+
+def _bind(family: socket.AddressFamily, place: Any) -> None:
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.bind(place)
 
 
 @contextlib.contextmanager

@@ -88,9 +88,7 @@ class Panel:
             return
         self._messages.content = '  \n'.join(_messages(state))
         if self._ask is not None:
-            held = bool(state.held)
-            self._hold.label = 'Resume' if held else 'Hold'
-            self._hold.color = 'green' if held else 'red'
+            self._resume.visible = bool(state.held)
         told: set[int] = set()
         for i, task in enumerate(sorted(state.tasks, key=words.rank)):
             if task.name in self._folders:
@@ -127,12 +125,16 @@ class Panel:
 
     def _add_buttons(self, file: str, ask: Callable[[Wish], None]) -> None:
         gui = self._gui
-        self._hold = gui.add_button('Hold', color='red', order=1.0)
-        self._hold.hint = 'Hold: to rest, and stay there. Resume: go on'
+        # Two buttons: who presses Hold twice, or together with others, does not resume.
+        hold = gui.add_button('Hold', color='red', order=1.0, hint='to rest, and stay there')
+        self._resume = gui.add_button('Resume', color='green', visible=False, order=1.5)
         self._reset = gui.add_button('Reset the simulator', visible=False, order=2.0)
 
-        async def hold(_: viser.GuiEvent[Any]) -> None:
-            ask(Hold(not (self._state is not None and self._state.held)))
+        async def begin(_: viser.GuiEvent[Any]) -> None:
+            ask(Hold(True))
+
+        async def end(_: viser.GuiEvent[Any]) -> None:
+            ask(Hold(False))
 
         async def reset(_: viser.GuiEvent[Any]) -> None:
             ask(Reset())
@@ -140,7 +142,8 @@ class Panel:
         async def save(_: viser.GuiEvent[Any]) -> None:
             ask(Save(str(path.value), bool(replace.value)))
 
-        self._hold.on_click(hold)
+        hold.on_click(begin)
+        self._resume.on_click(end)
         self._reset.on_click(reset)
         with gui.add_folder('Save the stack', order=22.0, expand_by_default=False):
             path = gui.add_text('file', file, hint="on the controller's machine")

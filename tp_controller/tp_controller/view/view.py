@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Collection, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from tp_controller.errors import TaskPriorityError
-from tp_controller.robot import Robot
+from tp_controller.robot import Robot, Shape
 from tp_controller.scenery import is_planar
 from tp_controller.stack import Stack
 from tp_controller.view.arm import ArmPicture
@@ -70,11 +71,8 @@ class View:
         self._begin = time.monotonic()
         self._cycles = -1
         self._shadows: bool | None = None
-
-    @property
-    def robot(self) -> Robot | None:
-        """The robot that is drawn; None before it is known."""
-        return None if self._drawn is None else self._drawn.robot
+        self._thread = ThreadPoolExecutor(1, 'shapes')
+        self._bodies: tuple[Robot, Future[Mapping[str, tuple[Shape, ...]]]] | None = None
 
     def set_stack(self, stack: Stack, same_robot: bool = False) -> None:
         """Draw a robot, and the obstacles of its tasks, from now on.
@@ -204,15 +202,24 @@ class View:
             self._scene.configure_default_lights(cast_shadow=shadows)
 
     def _add_shapes(self, drawn: _Drawn) -> None:
+        """Add the shapes of links once they are there: hulls of meshes take seconds."""
+        if self._bodies is None or self._bodies[0] is not drawn.robot:
+            robot = drawn.robot
+            self._bodies = robot, self._thread.submit(lambda: robot.bodies)
+        found = self._bodies[1]
+        if not found.done():
+            return
         try:
-            drawn.arm.add_shapes(drawn.robot.bodies)
+            drawn.arm.add_shapes(found.result())
         except TaskPriorityError as error:
             drawn.arm.add_shapes({})
             self._page.say(str(error))
 
     def _take_tasks(self, state: Any, robot: Robot) -> bool:
         """Make the panel fit the tasks of a state; return whether it has any."""
-        if not set(state.position_names) >= set(robot.coordinates):
+        frames = {task.frame for task in state.tasks} | {task.relative_to for task in state.tasks}
+        if set(state.position_names) != set(robot.coordinates) or frames - {'', *robot.frames}:
+            # Of another robot, whose model is not there yet.
             return False
         names = tuple(task.name for task in state.tasks)
         if names != self._names:

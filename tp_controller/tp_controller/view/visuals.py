@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import contextlib
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 from xml.etree import ElementTree
 
@@ -10,7 +11,6 @@ import numpy as np
 import pinocchio as pin
 import trimesh
 
-from tp_controller.errors import InvalidValue
 from tp_controller.robot.urdf import numbers, place_of
 
 GREY = (0.75, 0.76, 0.78, 1.0)
@@ -33,19 +33,29 @@ def visuals(description: str) -> Iterator[Visual]:
     for link in root.findall('link'):
         name = str(link.get('name'))
         for visual in link.findall('visual'):
-            scene = _scene(name, visual)
-            if scene is None:
-                continue
-            material = visual.find('material')
-            if material is not None:
-                _paint(scene, _color(material) or colors.get(str(material.get('name'))))
-            origin = visual.find('origin')
-            xyz, rpy = (
-                np.array(numbers(name, '0 0 0' if origin is None else origin.get(key, '0 0 0'), 3))
-                for key in ('xyz', 'rpy')
-            )
-            glb = scene.export(file_type='glb')  # type: ignore[no-untyped-call]
-            yield Visual(name, pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz), glb)
+            # Readers of meshes raise what they like.
+            with contextlib.suppress(Exception):
+                found = _read(name, visual, colors)
+                if found is not None:
+                    yield found
+
+
+def _read(
+    link: str, visual: ElementTree.Element, colors: Mapping[str, tuple[float, ...] | None]
+) -> Visual | None:
+    scene = _scene(link, visual)
+    if scene is None:
+        return None
+    material = visual.find('material')
+    if material is not None:
+        _paint(scene, _color(material) or colors.get(str(material.get('name'))))
+    origin = visual.find('origin')
+    xyz, rpy = (
+        np.array(numbers(link, '0 0 0' if origin is None else origin.get(key, '0 0 0'), 3))
+        for key in ('xyz', 'rpy')
+    )
+    glb = scene.export(file_type='glb')  # type: ignore[no-untyped-call]
+    return Visual(link, pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz), glb)
 
 
 def _scene(link: str, visual: ElementTree.Element) -> trimesh.Scene | None:
@@ -57,22 +67,19 @@ def _scene(link: str, visual: ElementTree.Element) -> trimesh.Scene | None:
     def size(key: str, count: int, default: str = '') -> list[float]:
         return numbers(link, element.get(key, default), count)
 
-    try:
-        if element.tag == 'mesh':
-            path = element.get('filename', '').removeprefix('file://')
-            scene = trimesh.load_scene(str(place_of(path)))
-            stretch = np.diag([*size('scale', 3, '1 1 1'), 1.0])
-            scene.apply_transform(stretch)  # type: ignore[no-untyped-call]
-            return scene
-        if element.tag == 'box':
-            mesh = trimesh.creation.box(size('size', 3))
-        elif element.tag == 'sphere':
-            mesh = trimesh.creation.icosphere(3, size('radius', 1)[0])
-        elif element.tag == 'cylinder':
-            mesh = trimesh.creation.cylinder(size('radius', 1)[0], size('length', 1)[0])
-        else:
-            return None
-    except (InvalidValue, OSError, ValueError, ImportError, LookupError, NotImplementedError):
+    if element.tag == 'mesh':
+        path = element.get('filename', '').removeprefix('file://')
+        scene = trimesh.load_scene(str(place_of(path)))
+        stretch = np.diag([*size('scale', 3, '1 1 1'), 1.0])
+        scene.apply_transform(stretch)  # type: ignore[no-untyped-call]
+        return scene
+    if element.tag == 'box':
+        mesh = trimesh.creation.box(size('size', 3))
+    elif element.tag == 'sphere':
+        mesh = trimesh.creation.icosphere(3, size('radius', 1)[0])
+    elif element.tag == 'cylinder':
+        mesh = trimesh.creation.cylinder(size('radius', 1)[0], size('length', 1)[0])
+    else:
         return None
     _paint(mesh.scene(), GREY)
     return mesh.scene()
@@ -80,7 +87,10 @@ def _scene(link: str, visual: ElementTree.Element) -> trimesh.Scene | None:
 
 def _color(material: ElementTree.Element) -> tuple[float, ...] | None:
     color = material.find('color')
-    return None if color is None else tuple(map(float, color.get('rgba', '').split()))
+    try:
+        return None if color is None else tuple(map(float, color.get('rgba', '').split()))
+    except ValueError:
+        return None
 
 
 def _paint(scene: trimesh.Scene, color: tuple[float, ...] | None) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from tp_controller.command_line import OneLineParser
 from tp_controller.config import build_settings, read_parameter_file
 from tp_controller.errors import TaskPriorityError
 from tp_controller.plots import draw_plots
@@ -43,7 +44,7 @@ def main() -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog='demo',
         description='Run simulator and controller in real time through the goals that a '
         'parameter file lists under tp_demo.',

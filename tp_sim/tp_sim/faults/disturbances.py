@@ -29,6 +29,8 @@ class Delivery(NamedTuple):
     """Whether a controller may move the arm by it."""
     origin: Motion | None = None
     """What the arm did, whatever the message says."""
+    taken: float = 0.0
+    """Time [s] at which the relay took it from its queue."""
 
 
 Disturbance = Callable[[Delivery], Iterable[Delivery]]
@@ -66,6 +68,18 @@ def late_at_random(longest: float) -> Disturbance:
 def doubled(gap: float) -> Disturbance:
     """Send each twice, the second time after a gap [s]."""
     return lambda state: (state, state._replace(delay=gap))
+
+
+def repeated() -> Disturbance:
+    """Send the first one again and again in place of the others."""
+    first: list[Delivery] = []
+
+    def disturb(state: Delivery) -> Iterable[Delivery]:
+        if not first:
+            first.append(state)
+        return first
+
+    return disturb
 
 
 def reordered(group: int) -> Disturbance:

@@ -125,8 +125,7 @@ def judge(
         Whether there were several controllers or arms: changes of commands and braking are not
         judged then.
     forwarded
-        Whether ages count from when a joint state was passed on, not from when the arm was
-        measured.
+        Whether ages count from when a joint state was passed on, not from when the relay got it.
     """
     found, wrong = Findings(len(commands)), _Wrong()
     states = _States(sent, stamped)
@@ -191,7 +190,7 @@ def _judge_data(
         wrong.add('early', f'command {number} answers a joint state that was sent after it')
     if shrinks:
         return
-    since = state.time if forwarded else state.measured
+    since = state.time if forwarded else state.taken
     age = command.time - since
     excused = paused(pauses, since, command.time)
     found.age = max(found.age, age)

@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from tp_controller.command_line import OneLineParser
 from tp_controller.errors import TaskPriorityError
 from tp_sim.faults.case import Case, Outcome, run_case
 from tp_sim.faults.pauses import PauseWatch, take_priority
@@ -126,7 +127,7 @@ def _view(rows: Sequence[Outcome], progress: Progress) -> Table:
 
 def _parser() -> argparse.ArgumentParser:
     own = Topics()
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog='faults',
         description='Run a velocity controller in real time with faults around it, and judge '
         'its commands. Speed and change: largest share of a limit. Data: age of the oldest joint '

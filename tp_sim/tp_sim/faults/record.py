@@ -13,8 +13,8 @@ class Sent(NamedTuple):
     """Its stamp as sent [ns]."""
     time: float
     """Time [s] at which it was sent."""
-    measured: float
-    """Time [s] at which the simulator sent what it says."""
+    taken: float
+    """Time [s] at which the relay got what it says: what the relay holds back grows old."""
     usable: bool
     """Whether a controller may move the arm by it."""
     velocity: tuple[float, ...]

@@ -135,10 +135,10 @@ class Relay:
 
     def _take_state(self, msg: JointState, info: dict[str, Any]) -> None:
         now = time.time()
-        measured = 1e-9 * (info.get('source_timestamp') or 0) or now
-        motion = Motion(measured, tuple(msg.position), tuple(msg.velocity))
+        sent = 1e-9 * (info.get('source_timestamp') or 0) or now
+        motion = Motion(sent, tuple(msg.position), tuple(msg.velocity))
         self.motions.append(motion)
-        for delivery in self.disturbance(Delivery(msg, origin=motion)):
+        for delivery in self.disturbance(Delivery(msg, origin=motion, taken=now)):
             heapq.heappush(self._due, (now + delivery.delay, next(self._count), delivery))
         self._send_due()
 
@@ -151,7 +151,7 @@ class Relay:
                 Sent(
                     stamp.sec * 1_000_000_000 + stamp.nanosec,
                     time.time(),
-                    origin.time,
+                    delivery.taken,
                     delivery.usable,
                     origin.velocity,
                 )

@@ -22,6 +22,7 @@ from tp_sim.faults.disturbances import (
     passed_on,
     renamed,
     reordered,
+    repeated,
     running_backwards,
     silent,
     stamped,
@@ -113,6 +114,12 @@ CASES: tuple[Case, ...] = (
         _disturbed(lambda: late_at_random(0.1)),
     ),
     _case('reordered', 'joint states in groups of 4, shuffled', _disturbed(lambda: reordered(4))),
+    _case(
+        'repeated',
+        'one joint state again and again for 4 s, stamp and all',
+        _disturbed(repeated, moving=False),
+        'braking, then rest while it does',
+    ),
     _case('doubled', 'each joint state again after 2 ms', _disturbed(lambda: doubled(0.002))),
     *(
         _case(

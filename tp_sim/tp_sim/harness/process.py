@@ -75,8 +75,13 @@ class Process:
     @property
     def output(self) -> str:
         """Everything that it has printed so far."""
+        return self.output_since(0)[0]
+
+    def output_since(self, begin: int) -> tuple[str, int]:
+        """What it has printed after so many bytes, and how many bytes there are."""
         size = os.fstat(self._output.fileno()).st_size
-        return os.pread(self._output.fileno(), size, 0).decode(errors='replace')
+        text = os.pread(self._output.fileno(), size - begin, begin).decode(errors='replace')
+        return text, size
 
     @property
     def resident_memory(self) -> int:
