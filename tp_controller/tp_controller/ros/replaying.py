@@ -137,13 +137,24 @@ class Replay:
             math.inf,
             self._inputs.answered,
             _ignore,
-            None if rate else self._found_rate,
+            self._found_rate if self._needs_rate(reference is not None) else None,
             reference,
         )
         self._cycle.begin()
         self._given = ReplayedInputs(recording, settings, self._state, self._inputs)
         self._joint_states = _JointStates(recording)
         self.notes = self._given.notes
+
+    def _needs_rate(self, positions: bool) -> bool:
+        """Whether the arm rests until a rate is found from the joint states, as in the node."""
+        if positions:
+            return self._settings.values['rate'] is None
+        robot = self._stack.robot
+        try:
+            robot.limits.check_period(robot.joints, self._stack.safety_filter.period)
+        except InvalidValue:
+            return True
+        return False
 
     def _found_rate(self, rate: float) -> None:
         know_rate(self._settings, rate)
