@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
-import lab
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
+
+import lab
 
 BLUE, ORANGE, GREEN, RED, PURPLE, GREY = (
     '#0072B2', '#E69F00', '#009E73', '#D55E00', '#CC79A7', '0.55',
@@ -42,13 +43,17 @@ def arm(
     """Draw a planar arm: links, joints and tip."""
     places = lab.points(lengths, q)
     axes.plot(*places.T, color=color, linewidth=4.0, alpha=0.6 * alpha, solid_capstyle='round')
-    axes.plot(*places[:-1].T, 'o', color=color, markersize=7.0, markeredgecolor='white', alpha=alpha)
+    axes.plot(
+        *places[:-1].T, 'o', color=color, markersize=7.0, markeredgecolor='white', alpha=alpha
+    )
     axes.plot(*places[-1], 's', color=color, markersize=6.0, alpha=alpha, label=label)
 
 
 def target(axes: Axes, point: ArrayLike, label: str = 'target') -> None:
     """Draw a target as a cross."""
-    axes.plot(*np.asarray(point), 'x', color='black', markersize=9.0, markeredgewidth=2.0, label=label)
+    axes.plot(
+        *np.asarray(point), 'x', color='black', markersize=9.0, markeredgewidth=2.0, label=label
+    )
 
 
 def circles(axes: Axes, obstacles: Mapping[str, Mapping[str, Any]], beyond: float = 0.0) -> None:
@@ -116,9 +121,9 @@ def interact(draw: Callable[..., None], **sliders: tuple[float, float, float]) -
         of one.
     """
     try:
-        from ipywidgets import FloatSlider, IntSlider, interactive
         from IPython import get_ipython
         from IPython.display import display
+        from ipywidgets import FloatSlider, IntSlider, interactive
     except ImportError:
         display = None
     if display is None or get_ipython() is None:

@@ -6,8 +6,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import planar
 from numpy.typing import ArrayLike, NDArray
+
+import planar
 
 try:
     from tp_controller import Robot, build_settings
@@ -176,6 +177,36 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     lines = [list(head), *([text(value) for value in row] for row in rows)]
     widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
     for number, line in enumerate(lines):
-        print('  '.join(value.rjust(width) for value, width in zip(line, widths, strict=True)))
+        first = line[0].ljust(widths[0])
+        rest = (value.rjust(width) for value, width in zip(line[1:], widths[1:], strict=True))
+        print('  '.join([first, *rest]).rstrip())
         if number == 0:
             print('  '.join('-' * width for width in widths))
+
+
+COMPARED: list[tuple[str, float, str, bool]] = []
+"""All figures that notebooks have compared with published ones, and whether they are the same."""
+
+
+def compare(rows: Iterable[tuple[str, float, str]]) -> None:
+    """Print figures beside published ones, and whether they are the same to the last digit.
+
+    Parameters
+    ----------
+    rows
+        What the figure is, its value, and the published one as it is printed: ``0.135717``; with
+        ``~0.381`` one unit of the last digit more or less is the same; or ``< 1e-4``.
+    """
+    shown = []
+    for what, value, published in rows:
+        number = float(published.lstrip('<~ '))
+        decimals = len(published.partition('.')[2])
+        text = f'{value:.{decimals}f}'
+        if published.startswith('<'):
+            text, fits = f'{value:.0e}', value < number
+        else:
+            unit = 1.01 if published.startswith('~') else 0.5
+            fits = abs(value - number) <= unit * 10.0**-decimals
+        COMPARED.append((what, float(value), published, fits))
+        shown.append((what, text, published, 'same' if fits else 'differs'))
+    table(['', 'here', 'published', ''], shown)

@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import laws
 import numpy as np
 from numpy.typing import NDArray
+
+import laws
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -79,8 +79,8 @@ def same(
         raise Wrong(f'{what} has the shape {value.shape}; it should be {expected.shape}.')
     if np.allclose(value, expected, rtol=tolerance, atol=tolerance):
         return
-    for wrong, hint in mistakes:
-        wrong = np.asarray(wrong, dtype=float)
+    for mistake, hint in mistakes:
+        wrong = np.asarray(mistake, dtype=float)
         if wrong.shape == value.shape and np.allclose(value, wrong, rtol=1e-6, atol=1e-9):
             raise Wrong(hint)
     raise Wrong(f'{what} is {_shown(value)}; it should be {_shown(expected)}.')
