@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 
 class Wrong(Exception):
@@ -46,6 +46,16 @@ def exercise(number: str) -> Callable[[Callable[[Any], None]], Callable[[Any], b
     return make
 
 
+def values(got: Any) -> NDArray[np.float64]:
+    """Answer as an array of numbers; `Wrong` if it is none."""
+    if got is None or got is Ellipsis:
+        raise Wrong('there is no answer yet.')
+    try:
+        return np.asarray(got, dtype=float)
+    except (TypeError, ValueError):
+        raise Wrong(f'the answer has to be numbers; it is {got!r}.') from None
+
+
 def same(
     got: Any,
     expected: ArrayLike,
@@ -68,13 +78,7 @@ def same(
     tolerance
         Largest difference that counts as the same.
     """
-    if got is None or got is Ellipsis:
-        raise Wrong('there is no answer yet.')
-    expected = np.asarray(expected, dtype=float)
-    try:
-        value = np.asarray(got, dtype=float)
-    except (TypeError, ValueError):
-        raise Wrong(f'{what} has to be numbers; it is {got!r}.') from None
+    expected, value = np.asarray(expected, dtype=float), values(got)
     if value.shape != expected.shape:
         raise Wrong(f'{what} has the shape {value.shape}; it should be {expected.shape}.')
     if np.allclose(value, expected, rtol=tolerance, atol=tolerance):
