@@ -185,28 +185,28 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
 
 
 COMPARED: list[tuple[str, float, str, bool]] = []
-"""All figures that notebooks have compared with published ones, and whether they are the same."""
+"""All figures that notebooks have compared with expected ones, and whether they are the same."""
 
 
 def compare(rows: Iterable[tuple[str, float, str]]) -> None:
-    """Print figures beside published ones, and whether they are the same to the last digit.
+    """Print figures beside expected ones, and whether they are the same to the last digit.
 
     Parameters
     ----------
     rows
-        What the figure is, its value, and the published one as it is printed: ``0.135717``; with
+        What the figure is, its value, and the expected one as it is printed: ``0.135717``; with
         ``~0.381`` one unit of the last digit more or less is the same; or ``< 1e-4``.
     """
     shown = []
-    for what, value, published in rows:
-        number = float(published.lstrip('<~ '))
-        decimals = len(published.partition('.')[2])
+    for what, value, expected in rows:
+        number = float(expected.lstrip('<~ '))
+        decimals = len(expected.partition('.')[2])
         text = f'{value:.{decimals}f}'
-        if published.startswith('<'):
+        if expected.startswith('<'):
             text, fits = f'{value:.0e}', value < number
         else:
-            unit = 1.01 if published.startswith('~') else 0.5
+            unit = 1.01 if expected.startswith('~') else 0.5
             fits = abs(value - number) <= unit * 10.0**-decimals
-        COMPARED.append((what, float(value), published, fits))
-        shown.append((what, text, published, 'same' if fits else 'differs'))
-    table(['', 'here', 'published', ''], shown)
+        COMPARED.append((what, float(value), expected, fits))
+        shown.append((what, text, expected, 'same' if fits else 'differs'))
+    table(['', 'here', 'expected', ''], shown)

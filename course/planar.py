@@ -173,6 +173,7 @@ class Task:
         self.error = np.zeros(self.k)
         if self.hysteresis:
             self.on = self.distance <= np.where(self.on, self.release, self.activation)
+            self.J = self.J * self.on[:, None]
             self.error[self.on] = (2 * self.release - self.activation - self.distance)[self.on]
 
     def velocity(self) -> Vector:

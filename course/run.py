@@ -1,10 +1,11 @@
 """Run the code of notebooks without Jupyter: as they are, then with the solutions filled in.
 
     python course/run.py [--without-library] [--pictures FOLDER] [NOTEBOOK ...]
+    python course/run.py --clear [NOTEBOOK ...]
 
-For every notebook it tells the time, the figures that differ from the published ones, and the
+For every notebook it tells the time, the figures that differ from the expected ones, and the
 exercises whose check accepts an empty answer or refuses the solution. It ends with status 1 if
-there was any of them.
+there was any of them. `--clear` runs nothing: it takes outputs and counts out of the files.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ class Result(NamedTuple):
     output: str
     """Everything that it printed."""
     differs: list[str]
-    """Figures that are not the published ones."""
+    """Figures that are not the expected ones."""
     compared: int
     """How many figures were compared."""
     empty: dict[str, bool]
@@ -120,6 +121,28 @@ class Missing:
             raise ModuleNotFoundError(f'No module named {name!r}', name=name)
 
 
+def clear(path: Path) -> None:
+    """Take outputs, counts and what Jupyter adds to a notebook out of its file."""
+    content = json.loads(path.read_text(encoding='utf-8'))
+    content['metadata'] = {
+        'kernelspec': {'display_name': 'Python 3', 'language': 'python', 'name': 'python3'},
+        'language_info': {'name': 'python'},
+    }
+    content['nbformat'], content['nbformat_minor'] = 4, 5
+    for number, cell in enumerate(content['cells'], 1):
+        cell['id'] = f'cell-{number:02d}'
+        kept = {
+            key: cell['metadata'][key] for key in ('exercise', 'tags') if key in cell['metadata']
+        }
+        cell['metadata'] = kept
+        cell['source'] = ''.join(cell['source']).splitlines(keepends=True)
+        if cell['cell_type'] == 'code':
+            cell['execution_count'], cell['outputs'] = None, []
+    content['cells'] = [dict(sorted(cell.items())) for cell in content['cells']]
+    text = json.dumps(dict(sorted(content.items())), indent=1, ensure_ascii=False)
+    path.write_text(text + '\n', encoding='utf-8')
+
+
 def main() -> int:
     """Run notebooks; return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -127,7 +150,13 @@ def main() -> int:
     parser.add_argument('--without-library', action='store_true', help='plain numpy alone')
     parser.add_argument('--pictures', type=Path, help='folder for the figures')
     parser.add_argument('--output', action='store_true', help='print what the notebooks print')
+    parser.add_argument('--clear', action='store_true', help='take outputs out of the files')
     arguments = parser.parse_args()
+    notebooks = arguments.notebooks or sorted(HERE.glob('*.ipynb'))
+    if arguments.clear:
+        for path in notebooks:
+            clear(path)
+        return 0
     os.environ['MPLBACKEND'] = 'agg'
     sys.path.insert(0, str(HERE))
     if arguments.without_library:
@@ -135,7 +164,7 @@ def main() -> int:
     if arguments.pictures is not None:
         arguments.pictures.mkdir(parents=True, exist_ok=True)
     mistakes = []
-    for path in arguments.notebooks or sorted(HERE.glob('*.ipynb')):
+    for path in notebooks:
         started = time.process_time()
         result = run(path, arguments.pictures)
         if arguments.output:

@@ -36,7 +36,7 @@ def desired_velocity(answer: Callable[..., Any]) -> None:
 @exercise('3.2')
 def angle_error(answer: Callable[..., Any]) -> None:
     """Shortest way from one angle to another."""
-    for desired, current in ((0.3, 0.1), (3.0, -3.0), (-3.0, 3.0), (9.0, 0.0), (-20.0, 1.0)):
+    for desired, current in ((0.1, 0.3), (3.0, -3.0), (-3.0, 3.0), (9.0, 0.0), (-20.0, 1.0)):
         value = float(values(answer(desired, current)))
         plain = desired - current
         where = f'from {current} to {desired}'
