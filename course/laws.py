@@ -34,6 +34,8 @@ def damped(s: Vector, damping: float, region: float = np.inf) -> Vector:
     damping, region
         λ and ε, in the units of s.
     """
+    if not damping:
+        return 1.0 / s
     return s / (s**2 + damping**2 * np.maximum(0.0, 1.0 - (s / region) ** 2))
 
 
@@ -63,7 +65,7 @@ def recursion(
         if not N.shape[1]:
             break
         U, s, Vt = np.linalg.svd(J @ N)
-        rank = int(np.sum(s > RANK * np.linalg.norm(J)))
+        rank = int((s > RANK * np.sqrt(np.vdot(J, J))).sum())
         if rank:
             gap = U[:, :rank].T @ (v - J @ qd)
             qd = qd + N @ (Vt[:rank].T @ (damped(s[:rank], damping, region) * gap))
@@ -120,6 +122,8 @@ def with_rows(
         The joint velocity, and the rows that decide.
     """
     active: list[int] = []
+    if not rows:
+        return solve(levels), active
     while True:
         qd = solve([*(rows[i] for i in active), *levels])
         gaps = [float((least - C @ qd)[0]) / np.linalg.norm(C) for C, least in rows]

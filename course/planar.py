@@ -56,12 +56,12 @@ class Arm:
     def pose(self, q: Vector) -> Pose:
         """Places of the base and of all links at the positions q (n,)."""
         turned = np.zeros(self.n + 1)
-        np.cumsum(self.axes * q, out=turned[1:])
+        (self.axes * q).cumsum(out=turned[1:])
         ways = np.exp(1j * turned)
         points = np.empty(self.n + 1, dtype=complex)
         points[0] = self.start
         slid = ways[:-1] * self.slides
-        np.cumsum(ways[1:] * self.links + slid * q, out=points[1:])
+        (ways[1:] * self.links + slid * q).cumsum(out=points[1:])
         points[1:] += self.start
         return Pose(points, turned, slid)
 
@@ -136,6 +136,7 @@ class Task:
         if not self.set_based:
             on_joints = self.type in ('joint', 'posture')
             self.wraps = arm.turns[self.columns] if on_joints else np.array(self.rows) == 2
+        self.wrapped = bool(self.wraps.any())
         self.error, self.J = np.zeros(self.k), np.zeros((self.k, arm.n))
 
     @property
@@ -156,7 +157,7 @@ class Task:
         if self.target is None:
             self.target = self.current.copy()
         self.error = np.asarray(self.target) - self.current
-        if self.wraps.any():
+        if self.wrapped:
             turn = 2.0 * np.pi * np.round(self.error / (2.0 * np.pi))
             self.error = self.error - self.wraps * turn
 
@@ -179,7 +180,7 @@ class Task:
     def velocity(self) -> Vector:
         """Desired task velocity (k,), ``K e`` + feedforward; of dampers the least rate."""
         if not self.set_based or self.hysteresis:
-            return self.K @ self.error + self.feedforward
+            return self.K.dot(self.error) + self.feedforward
         time = (self.activation - self.margin) / self._fastest()
         beyond = self.distance - self.margin
         return np.where(beyond > 0.0, -beyond / time, -self.K.diagonal() * beyond)
@@ -252,12 +253,16 @@ class Stack:
         results, levels, least, dampers = [], [], [], []
         for level in self.hierarchy:
             members = [self.tasks[name] for name in level.split(' + ')]
-            J = np.vstack([task.J for task in members])
-            v = np.concatenate([task.velocity() for task in members])
+            J, v = members[0].J, members[0].velocity()
+            for task in members[1:]:
+                J, v = np.vstack([J, task.J]), np.concatenate([v, task.velocity()])
             results.append((tuple(task.name for task in members), J, v))
             if members[0].set_based and not members[0].hysteresis:
                 dampers += [(members[0], i) for i in range(members[0].k)]
                 least += [(J[i : i + 1], v[i : i + 1]) for i in range(members[0].k)]
+                continue
+            if not any(task.set_based for task in members):
+                levels.append((J, v))
                 continue
             on = np.concatenate([task.on | (not task.set_based) for task in members])
             if on.any():
