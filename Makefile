@@ -4,13 +4,15 @@ PYTEST_ARGS ?=
 VIEW_ARGS ?=
 # One more than cores: tests wait for processes now and then.
 WORKERS ?= $(shell echo $$(($$(nproc) + 1)))
+COURSE_ARGS ?=
 
-.PHONY: help setup demo view test lint bench faults figures docs clean
+.PHONY: help setup demo view course test lint bench faults figures docs clean
 
 help:
 	@echo 'make setup   install everything into this folder and build the packages'
 	@echo 'make demo    simulator and controller follow goals; report and recording in out/demo (CONFIG=$(CONFIG))'
 	@echo 'make view    simulator, controller and a page in the browser (CONFIG=$(CONFIG))'
+	@echo 'make course  the notebooks of the course in JupyterLab, without ROS'
 	@echo 'make test    all tests (PYTEST_ARGS="-k name" selects)'
 	@echo 'make lint    ruff, mypy and the checks of the ROS packages'
 	@echo 'make bench   the benchmarks'
@@ -27,6 +29,9 @@ demo: setup
 
 view: setup
 	@source ./setup.bash && install/tp_sim/lib/tp_sim/live --config $(CONFIG) $(VIEW_ARGS)
+
+course: setup
+	@course/start.sh $(COURSE_ARGS)
 
 test: setup
 	@source ./setup.bash && python -m pytest -n $(WORKERS) --dist loadfile $(PYTEST_ARGS)

@@ -8,6 +8,7 @@ of the Python names and of the messages is made from the sources, so nothing can
 from __future__ import annotations
 
 import ast
+import json
 import re
 from pathlib import Path
 from posixpath import relpath
@@ -130,7 +131,21 @@ def _shown(path: str) -> str:
     text = place.read_text(encoding='utf-8')
     if place.suffix == '.md':
         return text
+    if place.suffix == '.ipynb':
+        return _notebook(text)
     return f'# {path}\n\n````{LANGUAGES.get(place.suffix, "text")}\n{text}````\n'
+
+
+def _notebook(text: str) -> str:
+    """Page of a notebook: its texts, and its code as fences."""
+    parts = []
+    for cell in json.loads(text)['cells']:
+        source = ''.join(cell['source'])
+        if cell['cell_type'] == 'code':
+            parts.append(f'```python\n{source}\n```')
+        else:
+            parts.append(re.sub(r'\$\$(.+?)\$\$', r'```math\n\1\n```', source, flags=re.DOTALL))
+    return '\n\n'.join(parts) + '\n'
 
 
 def _names(title: str, module: str) -> str:

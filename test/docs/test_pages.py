@@ -37,6 +37,12 @@ def test_the_readme_is_short_and_names_the_site(repository):
     assert 'make docs' in readme
 
 
+def test_the_readme_links_every_page(repository):
+    readme = (repository / 'README.md').read_text(encoding='utf-8')
+    for path in (repository / 'docs').glob('*.md'):
+        assert f'(docs/{path.name})' in readme or f'(docs/{path.name}#' in readme, path.name
+
+
 def test_every_link_leads_somewhere(repository, pages):
     for path, text in pages.items():
         for name, anchor in re.findall(r'\]\(([\w./]*)(#[\w-]+)?\)', text):
