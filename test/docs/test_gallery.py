@@ -10,9 +10,10 @@ import pytest
 def gallery(repository):
     sys.path.insert(0, str(repository / 'examples' / 'gallery'))
     try:
-        import draw
         import loop
         import pictures
+
+        import draw
 
         yield draw, loop, pictures
     finally:
