@@ -46,7 +46,7 @@ faults: setup
 	@source ./setup.bash && install/tp_sim/lib/tp_sim/faults --page docs/faults.md
 
 figures: setup
-	@source ./setup.bash && python examples/gallery/draw.py
+	@source ./setup.bash && python examples/gallery/gallery.py
 
 docs: setup
 	@source ./setup.bash && NO_MKDOCS_2_WARNING=1 mkdocs build --strict --quiet -d out/site

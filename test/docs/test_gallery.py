@@ -10,21 +10,20 @@ import pytest
 def gallery(repository):
     sys.path.insert(0, str(repository / 'examples' / 'gallery'))
     try:
+        import gallery as page
         import loop
         import pictures
 
-        import draw
-
-        yield draw, loop, pictures
+        yield page, loop, pictures
     finally:
         sys.path.pop(0)
-        for name in ('draw', 'loop', 'pictures'):
+        for name in ('gallery', 'loop', 'pictures'):
             sys.modules.pop(name, None)
 
 
 def test_the_page_is_what_its_command_writes_with_small_pictures(repository, gallery):
-    draw, _, pictures = gallery
-    assert (repository / 'docs' / 'gallery.md').read_text(encoding='utf-8') == draw.page()
+    page, _, pictures = gallery
+    assert (repository / 'docs' / 'gallery.md').read_text(encoding='utf-8') == page.page()
     wanted = {'a1', 'a2', 'a3', 'a4', 'a5', 'b1', 'b2', 'c1', 'c2', 'c3', 'd', 'schemes', 'limits'}
     assert set(pictures.PICTURES) == wanted
     for name in wanted:

@@ -1,7 +1,7 @@
 """Draw the experiments: one picture of each, and a page with all of them.
 
-    python examples/gallery/draw.py                 # all, and docs/gallery.md
-    python examples/gallery/draw.py a5 --out FOLDER # some
+    python examples/gallery/gallery.py                 # all, and docs/gallery.md
+    python examples/gallery/gallery.py a5 --out FOLDER # some
 
 Each is computed by the library in closed loop with an ideal arm, without nodes.
 """
@@ -33,7 +33,7 @@ def page() -> str:
         text = ' '.join(function.__doc__.split())
         parts.append(f'## {heading(name)}\n\n{text}\n')
         parts.append(f'![{text}](images/gallery_{name}.png)\n')
-        parts.append(f'```\npython examples/gallery/draw.py {name}\n```\n')
+        parts.append(f'```\npython examples/gallery/gallery.py {name}\n```\n')
     return '\n'.join(parts)
 
 
