@@ -6,17 +6,18 @@ VIEW_ARGS ?=
 WORKERS ?= $(shell echo $$(($$(nproc) + 1)))
 COURSE_ARGS ?=
 
-.PHONY: help setup demo view course test lint bench faults docs clean
+.PHONY: help setup demo view course test lint bench faults figures docs clean
 
 help:
 	@echo 'make setup   install everything into this folder and build the packages'
-	@echo 'make demo    simulator and controller follow goals; report in out/demo (CONFIG=$(CONFIG))'
+	@echo 'make demo    simulator and controller follow goals; report and recording in out/demo (CONFIG=$(CONFIG))'
 	@echo 'make view    simulator, controller and a page in the browser (CONFIG=$(CONFIG))'
 	@echo 'make course  the notebooks of the course in JupyterLab, without ROS'
 	@echo 'make test    all tests (PYTEST_ARGS="-k name" selects)'
 	@echo 'make lint    ruff, mypy and the checks of the ROS packages'
 	@echo 'make bench   the benchmarks'
 	@echo 'make faults  faults around the running controller, each one judged; table in docs/faults.md'
+	@echo 'make figures pictures of all experiments, and docs/gallery.md with them'
 	@echo 'make docs    the docs site, in out/site'
 	@echo 'make clean   remove everything that the other targets made'
 
@@ -43,6 +44,9 @@ bench: setup
 
 faults: setup
 	@source ./setup.bash && install/tp_sim/lib/tp_sim/faults --page docs/faults.md
+
+figures: setup
+	@source ./setup.bash && python examples/gallery/gallery.py
 
 docs: setup
 	@source ./setup.bash && NO_MKDOCS_2_WARNING=1 mkdocs build --strict --quiet -d out/site

@@ -25,6 +25,7 @@ LICENSE = 'Apache-2.0'
 # ROS keys of python modules; every other module has the name of its ROS package.
 ROS_KEYS = {
     'matplotlib': 'python3-matplotlib',
+    'mpl_toolkits': 'python3-matplotlib',
     'numba': 'python3-numba',
     'numpy': 'python3-numpy',
     'rich': 'python3-rich',
@@ -35,11 +36,14 @@ WITHOUT_KEY = {
     'daqp',
     'dask',
     'distributed',
+    'mcap',
+    'mcap_ros2',
     'pyarrow',
     'trimesh',
     'typing_extensions',
     'viser',
     'websockets',
+    'zstandard',
 }
 
 

@@ -34,6 +34,8 @@ MARKDOWN = {
 REFERENCE = {
     'api/tp_controller.md': ('The library: tp_controller', 'tp_controller'),
     'api/batch.md': ('Batches: tp_controller.batch', 'tp_controller.batch'),
+    'api/recording.md': ('Recordings: tp_controller.recording', 'tp_controller.recording'),
+    'api/plots.md': ('Pictures: tp_controller.plots', 'tp_controller.plots'),
     'api/harness.md': ('The harness: tp_sim.harness', 'tp_sim.harness'),
 }
 """Title and module of the pages on Python names."""

@@ -39,6 +39,8 @@ REQUIREMENTS = [
 ]
 EXTRAS = {
     'batch': ['dask[distributed]', 'matplotlib', 'pyarrow<26', 'rich'],
+    # recordings and pictures of them, without ROS
+    'recordings': ['matplotlib', 'mcap', 'mcap-ros2-support', 'trimesh', 'zstandard'],
     'robots': ['example-robot-data>=4.4'],  # URDFs of real arms
     'test': ['hypothesis', 'pytest', 'pytest-timeout'],
     'view': ['pycollada', 'viser>=1.1,<1.2'],  # the page's scene, without ROS
@@ -57,6 +59,9 @@ for_ros = {
             'check = tp_controller.checks.command:main',
             'controller = tp_controller.ros.controller_main:main',
             'measure_arm = tp_controller.ros.measure_arm:main',
+            'plot = tp_controller.plots.command:main',
+            'record = tp_controller.ros.record:main',
+            'replay = tp_controller.ros.replay:main',
             'send_goal = tp_controller.ros.send_goal:main',
             'view = tp_controller.ros.view:main',
             'watch = tp_controller.ros.watch:main',

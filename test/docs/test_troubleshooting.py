@@ -16,6 +16,7 @@ NO_MESSAGES = {
     'of the base',  # cells and heads of tables
     'turns without end (rad)',
     'why not more',
+    '- history: … depth: … reliability: … durability',  # YAML for other programs
     'age …, at most',
     'which is … from its start',
 }

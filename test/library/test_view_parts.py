@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 from tp_controller import ObstacleTask, Robot
+from tp_controller.scenery import is_planar, obstacle_shape
 from tp_controller.view.hierarchy import (
     joined,
     left_out,
@@ -18,10 +19,10 @@ from tp_controller.view.hierarchy import (
 )
 from tp_controller.view.history import History
 from tp_controller.view.page import trusted
-from tp_controller.view.surroundings import obstacle_shape, shortest_ways
+from tp_controller.view.surroundings import shortest_ways
 from tp_controller.view.targets import freedom, handle_place, target_place, target_values
 from tp_controller.view.task_folder import read_numbers
-from tp_controller.view.view import is_planar, reach_of
+from tp_controller.view.view import reach_of
 from tp_controller.view.wishes import Change, Goal, Wishes
 
 LEVELS = [['a'], ['b', 'c'], ['d']]

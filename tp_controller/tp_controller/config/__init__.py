@@ -15,6 +15,7 @@ from tp_controller.config.build import (
 from tp_controller.config.changes import check_changes
 from tp_controller.config.files import (
     empty_list,
+    parse_parameters,
     read_blocks,
     read_parameter_file,
     read_task,
@@ -60,6 +61,7 @@ __all__ = [
     'empty_list',
     'know_rate',
     'parameter_text',
+    'parse_parameters',
     'present_parameters',
     'read_blocks',
     'read_parameter_file',

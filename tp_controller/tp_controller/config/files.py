@@ -140,8 +140,24 @@ def read_parameter_file(path: str | Path, node: str) -> Flat:
     InvalidValue
         As `read_blocks`.
     """
+    return _merged(read_blocks(path), node)
+
+
+def parse_parameters(text: str, place: str, node: str) -> Flat:
+    """Read parameters as `read_parameter_file` from the text of such a file, found in a place.
+
+    Raises
+    ------
+    InvalidValue
+        As `read_blocks`.
+    """
+    return _merged(_parse(text, place), node)
+
+
+def _merged(blocks: Mapping[str, Mapping[str, Any]], node: str) -> Flat:
+    """Values by dotted key of the blocks that are for a node."""
     merged: Flat = {}
-    for name, block in read_blocks(path).items():
+    for name, block in blocks.items():
         *namespace, last = name.strip('/').split('/')
         if last in (node, *WILDCARDS) and set(namespace) <= set(WILDCARDS):
             merged.update(flatten(block))
@@ -159,19 +175,25 @@ def read_blocks(path: str | Path) -> dict[str, Mapping[str, Any]]:
     """
     try:
         text = Path(path).read_text(encoding='utf-8')
-        document = yaml.load(text, Loader=_StrictLoader)
     except OSError as error:
         raise InvalidValue(str(path), str(error.strerror), 'a readable file') from None
     except UnicodeDecodeError:
         raise InvalidValue(str(path), 'bytes that are not UTF-8', 'a YAML file') from None
+    return _parse(text, str(path))
+
+
+def _parse(text: str, path: str) -> dict[str, Mapping[str, Any]]:
+    """Blocks of the text of a parameter file, see `read_blocks`."""
+    try:
+        document = yaml.load(text, Loader=_StrictLoader)
     except yaml.YAMLError as error:
         mark = getattr(error, 'problem_mark', None)
         where = f' in line {mark.line + 1}, column {mark.column + 1}' if mark else ''
         problem = getattr(error, 'problem', None) or 'an error'
-        raise InvalidValue(str(path), f'{problem}{where}', 'YAML') from None
+        raise InvalidValue(path, f'{problem}{where}', 'YAML') from None
     accepts = 'blocks by node name (or /**), each with ros__parameters'
     if not isinstance(document, Mapping):
-        raise InvalidValue(str(path), shown(document), accepts)
+        raise InvalidValue(path, shown(document), accepts)
     blocks = {}
     for name, block in document.items():
         parameters = block.get('ros__parameters') if isinstance(block, Mapping) else None

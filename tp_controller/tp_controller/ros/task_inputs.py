@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,8 @@ from tp_controller.ros.trajectories import Trajectories
 from tp_controller.ros.warnings import Warnings
 from tp_controller.tasks import Task
 
+GOAL, FEEDFORWARD, TRAJECTORY = 'goal', 'feedforward', 'trajectory'
+"""What a task listens to; also the last part of the topic's name."""
 LONGEST_PAUSE = 0.005
 """Time [s] between two messages of one topic that are taken over; a period if shorter."""
 
@@ -36,21 +38,12 @@ class _Topic:
     subscription
         Polled, of depth 1: of more than one message a newer one would take the place anyway.
     task, what
-        The task, and what a message is: goal, feedforward or trajectory.
-    handler
-        Takes a message over.
+        The task, and what a message is: `GOAL`, `FEEDFORWARD` or `TRAJECTORY`.
     """
 
-    def __init__(
-        self,
-        subscription: Subscription,
-        task: Task,
-        what: str,
-        handler: Callable[[Task, Any], None],
-    ) -> None:
+    def __init__(self, subscription: Subscription, task: Task, what: str) -> None:
         self.subscription, self.task, self.what = subscription, task, what
         self.take = taker(subscription)
-        self.handler = handler
         self.opens = -math.inf
         """Steady time [s] from which on the next message may be taken."""
 
@@ -117,6 +110,11 @@ class TaskInputs:
             lambda task, problem: self._reject(task, 'trajectory', problem),
         )
         self.answered.follow(self.trajectories)
+        self._handlers: Mapping[str, Callable[[Task, Any], None]] = {
+            GOAL: self._on_goal,
+            FEEDFORWARD: self._on_feedforward,
+            TRAJECTORY: self._on_trajectory,
+        }
         self.know_period(period)
         self._topics: list[_Topic] = []
         self._first = 0
@@ -150,23 +148,19 @@ class TaskInputs:
         """Take goals and feedforwards of a task, with a pause after each subscription."""
         codec = codec_of(task)
         if codec is not None:
-            yield from self._subscribe(codec.message, task, 'goal', self._on_goal)
-            message = codec.feedforward_message
-            yield from self._subscribe(message, task, 'feedforward', self._on_feedforward)
+            yield from self._subscribe(codec.message, task, GOAL)
+            yield from self._subscribe(codec.feedforward_message, task, FEEDFORWARD)
 
     def listen_to_trajectories(self, task: Task) -> Iterator[None]:
         """Take trajectories of a task, with a pause after the subscription."""
         codec = codec_of(task)
         if codec is not None:
-            message = codec.trajectory_message
-            yield from self._subscribe(message, task, 'trajectory', self._on_trajectory)
+            yield from self._subscribe(codec.trajectory_message, task, TRAJECTORY)
 
-    def _subscribe(
-        self, message: type | None, task: Task, what: str, handler: Callable[[Task, Any], None]
-    ) -> Iterator[None]:
+    def _subscribe(self, message: type | None, task: Task, what: str) -> Iterator[None]:
         if message is not None:
             subscription = subscribe(self._node, message, f'~/{task.name}/{what}', 1)
-            self._topics.append(_Topic(subscription, task, what, handler))
+            self._topics.append(_Topic(subscription, task, what))
             yield
 
     def forget(self, task: Task) -> None:
@@ -199,22 +193,32 @@ class TaskInputs:
                 continue
             msg, found = taken[0], True
             topic.opens = begin + self._pause
-            self._take_over(topic, msg)
+            self.take_over(topic.task, topic.what, msg)
             if time.monotonic() >= begin + seconds:
                 # The others come first next time.
                 self._first = (i + 1) % count
                 break
         return found
 
-    def _take_over(self, topic: _Topic, msg: Any) -> None:
-        task = topic.task
+    def take_over(self, task: Task, what: str, msg: Any) -> None:
+        """Take over a message, or reject it: `what` says which kind it is."""
         try:
-            topic.handler(task, msg)
+            self._handlers[what](task, msg)
         except InvalidValue as error:
-            self._reject(task, topic.what, str(error))
+            self._reject(task, what, str(error))
         except Exception as error:
             # One message must not end the control of the arm.
-            self._reject(task, topic.what, f'{type(error).__name__}: {error}')
+            self._reject(task, what, f'{type(error).__name__}: {error}')
+
+    def target_of(self, task: Task, msg: Any) -> np.ndarray:
+        """Target (target_size,) that a goal message asks for.
+
+        Raises
+        ------
+        InvalidValue
+            If it cannot be used.
+        """
+        return self._reader.target(task, msg)
 
     def read_goal(self, task: Task, values: Sequence[float], frame_id: str) -> np.ndarray:
         """Target (target_size,) of a task from values in a frame, as `goal_message` has them.
@@ -228,7 +232,7 @@ class TaskInputs:
         return self._reader.target(task, msg)
 
     def _on_goal(self, task: Task, msg: Any) -> None:
-        self.aim(task, self._reader.target(task, msg))
+        self.aim(task, self.target_of(task, msg))
 
     def aim(self, task: Task, target: np.ndarray) -> None:
         """Set and show a task's target (target_size,)."""

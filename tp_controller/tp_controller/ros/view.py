@@ -21,6 +21,7 @@ from tp_controller.command_line import OneLineParser
 from tp_controller.config import read_parameter_file
 from tp_controller.errors import InvalidValue, TaskPriorityError
 from tp_controller.parameters import Flat
+from tp_controller.recording import Recording
 from tp_controller.ros.arguments import one_line
 from tp_controller.ros.codecs import GOALS
 from tp_controller.ros.remote_parameters import RemoteParameters
@@ -29,6 +30,7 @@ from tp_controller.ros.view_model import ViewModel
 from tp_controller.ros.watch_table import Sight
 from tp_controller.ros.watcher import Watcher
 from tp_controller.view.page import Page
+from tp_controller.view.playback import Playback
 from tp_controller.view.view import View
 
 REFUSED = 2
@@ -53,6 +55,8 @@ def main() -> int:
     page: Page | None = None
     node: Node | None = None
     try:
+        if given.recording is not None:
+            return _play(given)
         parameters = read_file(given.config)
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = rclpy.create_node(f'tp_view_{os.getpid()}', start_parameter_services=False)
@@ -90,13 +94,17 @@ def main() -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = OneLineParser(
         prog='view',
-        description='Show a running controller on a page in the browser, with targets to drag. '
-        'Ctrl-C ends it.',
+        description='Show a running controller on a page in the browser, with targets to drag, '
+        'or a recording with a slider of time. Ctrl-C ends it.',
         formatter_class=argparse.RawDescriptionHelpFormatter,
         epilog='examples:\n'
         '  ros2 run tp_controller view\n'
         '  ros2 run tp_controller view --controller /arm_1/tp_controller --port 8081\n'
-        '  ros2 run tp_controller view --read-only --host 0.0.0.0',
+        '  ros2 run tp_controller view --read-only --host 0.0.0.0\n'
+        '  ros2 run tp_controller view run.mcap',
+    )
+    parser.add_argument(
+        'recording', type=Path, nargs='?', help='a recording to look at, in place of a controller'
     )
     parser.add_argument(
         '--controller', default=DEFAULT, help='name of the node (default: %(default)s)'
@@ -124,6 +132,26 @@ def _parser() -> argparse.ArgumentParser:
         '--read-only', action='store_true', help='nothing on the page moves or changes anything'
     )
     return parser
+
+
+def _play(given: argparse.Namespace) -> int:
+    """Show a recording until Ctrl-C; no node is needed."""
+    recording = Recording(given.recording)
+    page = Page(given.host, given.port)
+    try:
+        playback = Playback(page, recording, tuple(GOALS))
+    except TaskPriorityError as error:
+        page.close()
+        return _refuse(str(error))
+    if not recording.complete:
+        print(f'view: {given.recording} breaks off: it was not finished', flush=True)
+    for line in greeting(page, given.port, read_only=True):
+        print(line, flush=True)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, playback.stop)
+    playback.run()
+    page.close()
+    return 0
 
 
 def read_file(path: Path | None) -> Flat:

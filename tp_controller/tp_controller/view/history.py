@@ -9,6 +9,10 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 
+KEPT = 60.0
+"""Time [s] that is kept."""
+
+
 class History:
     """Values over the last seconds; its memory does not grow.
 
@@ -22,7 +26,7 @@ class History:
         Samples per second [Hz]; those that come sooner are left out.
     """
 
-    def __init__(self, count: int, seconds: float = 60.0, rate: float = 10.0) -> None:
+    def __init__(self, count: int, seconds: float = KEPT, rate: float = 10.0) -> None:
         self.seconds = seconds
         self._period = 1.0 / rate
         self._size = round(seconds * rate) + 1
@@ -48,6 +52,10 @@ class History:
         self._room[1:, self._end] = values
         self._end += 1
         return True
+
+    def clear(self) -> None:
+        """Forget all values."""
+        self._end = 0
 
     def recent(self) -> tuple[Vector, Matrix]:
         """Times (m,) [s], 0 for the newest and negative before, and values (count, m)."""

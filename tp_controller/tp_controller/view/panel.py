@@ -102,6 +102,11 @@ class Panel:
         for plot in self._plots:
             plot.see(seconds, tasks)
 
+    def forget(self) -> None:
+        """Forget what plots have kept."""
+        for plot in self._plots:
+            plot.forget()
+
     def draw_plots(self) -> None:
         """Bring the plots up to date."""
         for plot in self._plots:

@@ -70,3 +70,11 @@ class Paths:
         self._shown = visible
         for line in self._lines.values():
             line.visible = visible
+
+    def clear(self) -> None:
+        """Forget all ways so far."""
+        for line in self._lines.values():
+            line.remove()
+        self._points.clear()
+        self._lines.clear()
+        self._changed.clear()

@@ -76,6 +76,10 @@ class Plot:
         found = [self._value(tasks[name]) if name in tasks else math.nan for name in self._names]
         self.history.add(time, np.array(found))
 
+    def forget(self) -> None:
+        """Forget all values so far."""
+        self.history.clear()
+
     def draw(self) -> None:
         """Bring what is drawn up to date."""
         self._handle.data = self._data()

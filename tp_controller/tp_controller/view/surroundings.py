@@ -11,6 +11,7 @@ import viser
 from numpy.typing import NDArray
 
 from tp_controller.robot import Robot, Shape
+from tp_controller.scenery import obstacle_shape
 from tp_controller.tasks import ClearanceTask, ObstacleTask, Task, WholeArmTask
 from tp_controller.view.palette import FAR, NEAR, OBSTACLE
 from tp_controller.view.solids import Paint, add_solid, put
@@ -20,8 +21,6 @@ CLOSE = 0.3
 """Distances [m] up to which a line is drawn between links and obstacles."""
 MOST = 4
 """Lines of one task: those of its nearest links."""
-DISC = 0.02
-"""Thickness [m] of an obstacle that counts in two axes."""
 
 Matrix = NDArray[np.float64]
 
@@ -152,22 +151,6 @@ def shortest_ways(task: Task, state: Any) -> tuple[Matrix, NDArray[np.float64]] 
         surface = center + task.radius / length * way
         return np.array([[own, surface]]), np.array([length - task.radius])
     return None
-
-
-def obstacle_shape(task: Task) -> Shape | None:
-    """Shape of a task's obstacle in the base frame; of one in two axes a thin cylinder."""
-    if isinstance(task, WholeArmTask):
-        return task.obstacle
-    if not isinstance(task, ObstacleTask):
-        return None
-    center = np.zeros(3)
-    center[task.twist_rows] = task.center
-    if len(task.twist_rows) == 3:
-        return Shape('sphere', (task.radius,), pin.SE3(np.eye(3), center))
-    left = [axis for axis in range(3) if axis not in task.twist_rows]
-    z = np.eye(3)[left[0]]
-    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), z).toRotationMatrix()
-    return Shape('cylinder', (task.radius, DISC), pin.SE3(turn, center))
 
 
 def frames_seen(states: Iterable[Any], frames: Collection[str]) -> list[str]:

@@ -12,9 +12,11 @@ import numpy as np
 
 from tp_controller.errors import TaskPriorityError
 from tp_controller.robot import Robot, Shape
+from tp_controller.scenery import is_planar
 from tp_controller.stack import Stack
 from tp_controller.view.arm import ArmPicture
 from tp_controller.view.handles import Handles
+from tp_controller.view.history import KEPT
 from tp_controller.view.page import Page
 from tp_controller.view.panel import Panel
 from tp_controller.view.paths import Paths
@@ -105,7 +107,13 @@ class View:
         if self._drawn is not None:
             self._drawn.arm.add_visual(visual)
 
-    def show(self, state: Any, rate: float, parameters: Mapping[str, Any]) -> None:
+    def show(
+        self,
+        state: Any,
+        rate: float,
+        parameters: Mapping[str, Any],
+        moment: float | None = None,
+    ) -> None:
         """Show a state, or the one before once more.
 
         Parameters
@@ -116,8 +124,11 @@ class View:
             Commands per second [Hz], not a number if unknown.
         parameters
             The controller's parameters by dotted key, as far as they are known.
+        moment
+            Time [s] of the state, for the plots; that since the start if None.
         """
         now = time.monotonic()
+        moment = now - self._begin if moment is None else moment
         drawn = self._drawn
         fits = drawn is not None and state is not None and self._take_tasks(state, drawn.robot)
         with self._page.server.atomic():
@@ -127,13 +138,32 @@ class View:
                 self.panel.refresh()
                 self.panel.follow(state, rate, parameters)
             if fits:
-                self.panel.see(now - self._begin, state)
+                self.panel.see(moment, state)
                 if self._is_due('plots', PLOTS, now) and self._page.watched:
                     self.panel.draw_plots()
 
-    def _draw(self, drawn: _Drawn, state: Any) -> None:
-        now = time.monotonic()
-        robot, panel = drawn.robot, self.panel
+    def see(self, state: Any, moment: float) -> None:
+        """Keep a state of a time [s] for plots and paths without showing it."""
+        drawn = self._drawn
+        if drawn is not None and self._take_tasks(state, drawn.robot):
+            self._move(drawn, state)
+            self.panel.see(moment, state)
+
+    def forget(self) -> None:
+        """Forget what plots and paths have kept."""
+        self.panel.forget()
+        self._cycles = -1
+        if self._drawn is not None:
+            self._drawn.paths.clear()
+
+    @property
+    def memory(self) -> float:
+        """Time [s] that plots keep."""
+        return KEPT
+
+    def _move(self, drawn: _Drawn, state: Any) -> None:
+        """Bring the robot to where a state has it."""
+        robot = drawn.robot
         moved = state.cycles != self._cycles
         self._cycles = state.cycles
         positions = np.array(state.position)
@@ -141,6 +171,11 @@ class View:
             order = [list(state.position_names).index(name) for name in robot.coordinates]
             robot.update(positions[order])
             drawn.paths.see(robot, frames_seen(state.tasks, robot.frames))
+
+    def _draw(self, drawn: _Drawn, state: Any) -> None:
+        now = time.monotonic()
+        panel = self.panel
+        self._move(drawn, state)
         if not self._page.watched:
             return
         drawn.arm.follow()
@@ -243,11 +278,6 @@ def _ranges(robot: Robot, task: Any, types: Collection[str]) -> dict[str, Range]
             most if math.isfinite(most) else math.pi,
         )
     return found
-
-
-def is_planar(robot: Robot) -> bool:
-    """Whether nothing of the robot leaves a plane of constant z."""
-    return bool(np.all(np.abs(robot.twists[:, [2, 3, 4]]) < 1e-9))
 
 
 def reach_of(robot: Robot, extent: float) -> float:

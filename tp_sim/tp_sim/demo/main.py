@@ -11,7 +11,8 @@ from rich.console import Console
 from tp_controller.command_line import OneLineParser
 from tp_controller.config import build_settings, read_parameter_file
 from tp_controller.errors import TaskPriorityError
-from tp_sim.demo.plots import draw_arm, draw_errors
+from tp_controller.plots import draw_plots
+from tp_controller.recording import Recording
 from tp_sim.demo.progress import Progress
 from tp_sim.demo.script import Leg, read_script
 from tp_sim.demo.tables import outcome_table, reason_lines
@@ -33,7 +34,7 @@ def main() -> int:
     arguments = _parser().parse_args()
     console = Console()
     try:
-        return _run(arguments.config, arguments.out, console)
+        return _run(arguments.config, arguments.out, arguments.record, console)
     except TaskPriorityError as error:
         print(f'demo: {error}', file=sys.stderr)
         return REFUSED
@@ -52,10 +53,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         '--out', type=Path, default=Path('out/demo'), help='folder for plots (%(default)s)'
     )
+    parser.add_argument(
+        '--record', type=Path, help='recording of the run (run.mcap in the folder for plots)'
+    )
     return parser
 
 
-def _run(config: Path, out: Path, console: Console) -> int:
+def _run(config: Path, out: Path, record: Path | None, console: Console) -> int:
     # What the controller would refuse is refused before any process starts.
     stack = build_settings(read_parameter_file(config, 'tp_controller'), find_rate=True).stack
     script = read_script(config)
@@ -63,7 +67,11 @@ def _run(config: Path, out: Path, console: Console) -> int:
     out.mkdir(parents=True, exist_ok=True)
     console.print(f'Starting simulator and controller with {config}')
     legs: list[Leg] = []
-    with ClosedLoop(config, lockstep=False) as loop, Progress(console) as progress:
+    path = out / 'run.mcap' if record is None else record
+    with (
+        ClosedLoop(config, lockstep=False, record=path) as loop,
+        Progress(console) as progress,
+    ):
         watch = Stopwatch()
         loop.client.on_state += [progress.follow, watch.follow]
         for number, goals in enumerate(script.goals, start=1):
@@ -73,13 +81,12 @@ def _run(config: Path, out: Path, console: Console) -> int:
             leg.run(loop, script.seconds_per_goal)
             leg.timing = watch.timing(begin)
             legs.append(leg)
-        record = loop.record
-        tasks = loop.state.tasks
     console.print(outcome_table(legs, script.tolerance))
     for line in reason_lines(legs, script.tolerance):
         console.print(line)
     console.print(f'Commands: {watch.timing().text}')
-    draw_errors(record, tasks, legs, out / 'errors.png')
-    draw_arm(stack, record, tasks, legs, out / 'arm.png')
-    console.print(f'Plots: {out / "errors.png"}, {out / "arm.png"}')
+    recording = Recording(path)
+    console.print(f'Recording: {path}: {recording.contents.text}', soft_wrap=True)
+    plots = draw_plots(recording, out)
+    console.print(f'Plots in {out}: {", ".join(plot.name for plot in plots)}', soft_wrap=True)
     return 0 if all(leg.reached(script.tolerance) for leg in legs) else 1

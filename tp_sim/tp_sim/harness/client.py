@@ -86,11 +86,10 @@ class Client:
     ) -> None:
         self._alive = alive
         self._context = Context()
+        self._namespace = namespace
         with domain.entered():
             rclpy.init(args=[], context=self._context, domain_id=domain.number)
-            self.node: Node = rclpy.create_node(
-                'harness', context=self._context, namespace=namespace, use_global_arguments=False
-            )
+            self.node: Node = self.make_node('harness')
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._publishers: dict[str, Publisher] = {}
@@ -102,6 +101,16 @@ class Client:
         """Called with every state of the controller."""
         self._state_subscription = self.subscribe(
             ControllerState, 'tp_controller/state', self._keep_state
+        )
+
+    def make_node(self, name: str) -> Node:
+        """Make a node of that name on the domain, which nobody spins."""
+        return rclpy.create_node(
+            name,
+            context=self._context,
+            namespace=self._namespace,
+            use_global_arguments=False,
+            start_parameter_services=False,
         )
 
     def close(self) -> None:

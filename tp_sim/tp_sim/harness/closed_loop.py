@@ -17,6 +17,7 @@ from tp_sim.harness.domain import PrivateDomain
 from tp_sim.harness.errors import HarnessError
 from tp_sim.harness.process import NodeProcess
 from tp_sim.harness.record import Record, Recorder
+from tp_sim.harness.recording import LoopRecording
 
 CHUNK = 50
 """Steps of one request: fewer than the states that the controller's queue holds."""
@@ -43,6 +44,8 @@ class ClosedLoop:
         Called with every state of the controller.
     description
         URDF to publish as ``robot_description``, for nodes whose parameters name no robot.
+    record
+        MCAP file into which the whole run is recorded until `stop`; replaced if there is one.
 
     Raises
     ------
@@ -59,6 +62,7 @@ class ClosedLoop:
         namespace: str = '',
         on_state: Callable[[ControllerState], None] | None = None,
         description: str | None = None,
+        record: str | Path | None = None,
     ) -> None:
         document = parameters if isinstance(parameters, Mapping) else read_document(parameters)
         mode = {'tp_sim': {'lockstep': lockstep, 'paused': lockstep}}
@@ -86,13 +90,18 @@ class ClosedLoop:
             self.client.on_state.append(on_state)
         if description is not None:
             self.client.publish_description(description)
+        self.recording: LoopRecording | None = None
         try:
+            if record is not None:
+                self.recording = LoopRecording(self.client.make_node('recorder'), record)
             self.controller = NodeProcess(
                 'tp_controller', 'controller', path, self.environment, ros_arguments
             )
-            if not lockstep:
+            if not lockstep or self.recording is not None:
                 # The first cycle comes when the simulator does: then it is recorded too.
                 self._wait_for_controller()
+            if self.recording is not None:
+                self.client.wait_for(self.recording.ready, 'the recording')
             self.simulator = NodeProcess(
                 'tp_sim', 'simulator', path, self.environment, ros_arguments
             )
@@ -114,9 +123,14 @@ class ClosedLoop:
             process.interrupt()
         for process in processes:
             process.stop()
-        self.client.close()
-        self._domain.close()
-        self._folder.cleanup()
+        try:
+            if self.recording is not None:
+                self.recording.close()
+                self.recording = None
+        finally:
+            self.client.close()
+            self._domain.close()
+            self._folder.cleanup()
 
     @property
     def record(self) -> Record:
