@@ -179,6 +179,17 @@ def test_a_state_that_is_sent_twice_gets_the_same_command_twice(arm):
     assert np.abs(command).max() == pytest.approx(10 * ACCELERATION / RATE)
 
 
+def test_a_simulation_that_waits_for_a_while_is_answered_again(config):
+    with ClosedLoop(config / 'a4_position_joint.yaml', SLOW_START) as loop:
+        for pause in (0.0, 0.05, 0.09, 0.1, 0.11, 0.12, 0.15, 0.3):
+            loop.run(0.2)
+            assert np.any(loop.state.command)
+            time.sleep(pause)
+        loop.run(0.2)
+        assert 'no command answers' not in loop.simulator.output
+        assert loop.state.ignored_states == 0
+
+
 @pytest.mark.parametrize('stamp', [0, 5_000_000_000])
 def test_states_with_a_constant_stamp_move_the_arm(arm, stamp):
     command, at = np.zeros(3), time.monotonic()

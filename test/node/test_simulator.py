@@ -202,6 +202,18 @@ def test_a_step_without_a_controller_says_so_and_a_second_one_is_refused(lone_si
     assert not response.success
     assert 'busy' in response.message
     simulator.process.wait_for_output('no command answers')
+    # Shown anew, for a controller that takes no copies. Both are the same state.
+    first = simulator.states[0].header.stamp
+    again = first.sec * 10**9 + first.nanosec + 1
+    simulator.client.wait_for(
+        lambda: again in {s.header.stamp.sec * 10**9 + s.header.stamp.nanosec
+                          for s in simulator.states}, 'the new stamp'
+    )  # fmt: skip
+    simulator.command([0.6, 0.0, 0.0], stamp=first)
+    simulator.client.wait_for(lambda: simulator.states[-1].position[0] != 0.0, 'a step')
+    last = simulator.states[-1].header.stamp
+    passed = (last.sec - first.sec) * 10**9 + last.nanosec - first.nanosec
+    assert passed == round(1e9 / 60.0)
 
 
 def test_lockstep_with_array_commands_gives_the_same_motion(config):

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 PATIENCE = 20
-"""Repetitions of an unanswered state before it is said that nobody answers."""
+"""Repetitions of an unanswered state before it is said that nobody answers, and shown anew."""
 MOST_LOST = 1000
 """So many states in a row may be lost."""
 
@@ -64,6 +64,9 @@ class Lockstep:
         self._listened = False
         """Whether anybody was there to hear the newest state."""
         self._patience = PATIENCE
+        self._first = self._now
+        """Stamp with which the newest state was shown first."""
+        self._told = False
         if not paused:
             self.resume()
 
@@ -99,8 +102,12 @@ class Lockstep:
         stamp
             Stamp [ns] of the state that it answers, None if commands carry no stamp.
         """
-        if not self._waiting or stamp not in (None, self._now):
+        if not self._waiting:
             return
+        if stamp is not None:
+            if not self._first <= stamp <= self._now:
+                return
+            self._now = stamp
         self._waiting = False
         if self._steps_left == 0:
             self._finish(True)
@@ -122,6 +129,9 @@ class Lockstep:
     def repeat(self, always: bool) -> bool:
         """Publish an unanswered state once more.
 
+        A controller may refuse copies, or a state that came too late. So after a while it is shown
+        anew, with a stamp that is newer by the least there is.
+
         Parameters
         ----------
         always
@@ -134,14 +144,22 @@ class Lockstep:
         """
         if not self._waiting:
             return False
+        self._patience -= 1
+        if self._patience == 0:
+            self._patience = PATIENCE
+            self._now += 1
+            always = True
+            told, self._told = self._told, True
+        else:
+            told = True
         if always or (not self._listened and self._count_listeners()):
             self._publish_now()
-        self._patience -= 1
-        return self._patience == 0
+        return not told
 
     def _show(self) -> None:
-        self._waiting = True
+        self._waiting, self._told = True, False
         self._patience = PATIENCE
+        self._first = self._now
         self._publish_now()
 
     def _publish_now(self) -> None:

@@ -85,6 +85,11 @@ class CommandPublisher:
         """Full name of the topic."""
         return str(self._publisher.topic_name)
 
+    @property
+    def heard(self) -> bool:
+        """Whether anybody listens."""
+        return bool(self._publisher.get_subscription_count())
+
     def send(self, command: NDArray[np.float64] | float, stamp: Time | None = None) -> None:
         """Publish a command (n,).
 

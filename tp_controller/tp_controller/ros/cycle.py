@@ -212,16 +212,24 @@ class Cycle:
     def _stands(self, arrival: Arrival) -> bool:
         """Whether copies of one state have come for too long while the arm is moved by it.
 
-        A simulation may wait for its answer as long as it likes; an arm does not wait.
+        One after another, that is: a simulation which waits may show a state again after a while.
+        Nobody has moved by commands that nobody hears.
         """
         watch = self._watch
         if not (watch.is_resend(arrival) and watch.of_wall_clock(arrival)):
             return False
-        if self._copied is None and self._commands.velocity.any():
-            self._copied = self._last
+        last = self._last
+        if self._copied is None and self.running and last is not None:
+            near = watch.between(last, arrival) < self._limit
+            if near and self._commands.velocity.any() and self._commands.heard:
+                self._copied = last
         if self._copied is None:
             return False
-        return not self.running or watch.between(self._copied, arrival) > self._limit
+        if self.running and watch.between(self._copied, arrival) <= self._limit:
+            return False
+        # Nothing has been seen of the arm: braking has to begin.
+        self._last_seen = -math.inf
+        return True
 
     def _measure(self, arrival: Arrival) -> None:
         """Read what the arm does at present; all that is measured enters here."""
@@ -417,8 +425,7 @@ class Cycle:
                 self._warnings.warn('rate', problem, lasting=True)
             elif problem is not None:
                 self._warnings.clear('rate')
-        if self._copied is None:
-            self._last_seen = time.monotonic()
+        self._last_seen = time.monotonic()
         self._refused = state.ignored_states
 
     # Rest

@@ -56,7 +56,12 @@ class _Middleware:
     """Stands in for a node: what is published goes nowhere."""
 
     def create_publisher(self, *_: Any) -> Any:
-        return SimpleNamespace(publish=_ignore, topic_name='', wait_for_all_acked=_ignore)
+        return SimpleNamespace(
+            publish=_ignore,
+            topic_name='',
+            wait_for_all_acked=_ignore,
+            get_subscription_count=lambda: 1,
+        )
 
     def get_clock(self) -> Any:
         return SimpleNamespace(now=lambda: SimpleNamespace(to_msg=Time))
