@@ -58,6 +58,7 @@ for_ros = {
             'controller = tp_controller.ros.controller_main:main',
             'measure_arm = tp_controller.ros.measure_arm:main',
             'send_goal = tp_controller.ros.send_goal:main',
+            'solve = tp_controller.planning.command:main',
             'view = tp_controller.ros.view:main',
             'watch = tp_controller.ros.watch:main',
         ],

@@ -141,6 +141,16 @@ class JointLimitsTask(SetBasedTask):
         return ()
 
     @property
+    def coordinates(self) -> tuple[int, ...]:
+        """Which coordinate of a configuration each row is about (k,)."""
+        return tuple(self._indices.tolist())
+
+    @property
+    def ends(self) -> tuple[Vector, Vector]:
+        """Lower and upper ends (k,) [rad, m] of the ranges; copies."""
+        return self._lower.copy(), self._upper.copy()
+
+    @property
     def current(self) -> Vector:
         """Present positions (k,) [rad, m]; a copy."""
         return self.robot.q[self._indices]
