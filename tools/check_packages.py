@@ -35,6 +35,7 @@ WITHOUT_KEY = {
     'daqp',
     'dask',
     'distributed',
+    'ompl',
     'pyarrow',
     'trimesh',
     'typing_extensions',

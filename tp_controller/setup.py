@@ -38,6 +38,7 @@ REQUIREMENTS = [
     'PyYAML',
 ]
 EXTRAS = {
+    'around': ['ompl>=2'],  # ways around obstacles
     'batch': ['dask[distributed]', 'matplotlib', 'pyarrow<26', 'rich'],
     'robots': ['example-robot-data>=4.4'],  # URDFs of real arms
     'test': ['hypothesis', 'pytest', 'pytest-timeout'],
