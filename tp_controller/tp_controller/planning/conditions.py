@@ -47,8 +47,8 @@ class Blocked(NamedTuple):
 class Conditions:
     """Goals and what has to hold with them, of a stack that stays as it is.
 
-    What has to hold are all tasks of the levels down to the lowest of the goals': equality tasks
-    have no error, distances are as large as their tasks keep them, and joints are inside their
+    What has to hold: equality tasks of the levels down to the lowest of the goals' have no error.
+    Distances of all set-based tasks are as large as these keep them, and joints are inside their
     ranges. It is a context manager: inside, the tasks have the goals as targets and the stack may
     not be used; afterwards stack and robot are as before.
 
@@ -89,7 +89,7 @@ class Conditions:
             task
             for level in stack.members
             for task in level
-            if stack.level_of(task.name) <= lowest
+            if task.set_based or stack.level_of(task.name) <= lowest
         ]
         self.goals = [task for task in self._levels if task.name in self.targets]
         self.held = [
@@ -97,7 +97,9 @@ class Conditions:
             for task in self._levels
             if not task.set_based and task.target_size and task.name not in self.targets
         ]
-        self.guards = [task for task in self._levels if isinstance(task, SetBasedTask)]
+        self.guards = [
+            task for level in stack.members for task in level if isinstance(task, SetBasedTask)
+        ]
         limits, ranged = robot.limits, robot.space.ranged
         self.low = np.where(ranged, limits.position_min, -math.inf)
         self.high = np.where(ranged, limits.position_max, math.inf)

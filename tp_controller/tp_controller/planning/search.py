@@ -102,10 +102,12 @@ def solve(
     """Search for configurations that have goals.
 
     A solution has no error (1e-6 m, rad) in the goals and in every other equality task of the
-    levels down to the lowest of the goals'. It is inside all ranges and keeps the distances of the
-    set-based tasks of these levels. Joints begin at the present configuration, then at the nearest
-    ones of a stored sample, then at random ones, and descend by steps of Levenberg and Marquardt
-    (Sugihara 2011) inside the ranges; where a distance is too small, its row joins the errors.
+    levels down to the lowest of the goals'. It is inside all ranges and keeps the distances of all
+    set-based tasks of the hierarchy.
+
+    Joints begin at the present configuration, then at the nearest ones of a stored sample, then at
+    random ones, and descend by steps of Levenberg and Marquardt (Sugihara 2011) inside the ranges;
+    where a distance is too small, its row joins the errors.
 
     Parameters
     ----------
