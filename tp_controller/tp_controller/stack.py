@@ -599,6 +599,10 @@ class Stack:
                 return i
         return -1
 
+    def is_listed(self, name: str) -> bool:
+        """Whether a task is on and in the hierarchy, though another may act in its place."""
+        return self.place_of(name) >= 0 and self.tasks[name].enabled
+
     def velocities_of(self, name: str) -> tuple[Vector, Vector]:
         """Views of the requested and achieved velocity (k,) of a task in the hierarchy.
 
