@@ -18,8 +18,10 @@ LONGEST = 0.1
 """and the largest one where tasks have to hold on the way."""
 SEEN = 0.15
 """Distances [m] beyond what is kept that are computed; of larger ones this is taken."""
-STRETCH = 3.0
-"""A projected way may be so many times as long as the straight one, piece by piece."""
+FINE = 0.04
+"""Largest way [rad, m] of a joint between two points of a way on which tasks hold."""
+NEARER = 0.9
+"""The projection of a middle is nearer to both ends than this share of their distance."""
 HOLDS = 1e-3
 """Error norm [m, rad] of a task at the start up to which it has to hold on the way."""
 ROUNDING = 1e-6
@@ -127,18 +129,38 @@ class Clear:
             share += max(free, least)
         return np.array([first, last])
 
-    def _projected(self, first: Vector, last: Vector) -> Matrix | None:
-        space = self.robot.space
-        way = space.difference(first, last)
-        count = max(1, math.ceil(float(np.abs(way).max(initial=0.0)) / LONGEST))
-        found: list[Vector] = []
-        for i in range(count + 1):
-            q = self.project(space.integrate(first, (i / count) * way))
-            if q is None or not self.is_clear(q):
+    def fine(self, points: Matrix) -> Matrix | None:
+        """Points (m, nq) of a way with projected ones in between, where tasks hold on it.
+
+        What is straight between two of them is beside the projection by no more than the stack
+        takes back. None if one in between is not clear.
+        """
+        return points if self._descent is None else self._filled(points, FINE)
+
+    def _filled(self, points: Matrix, longest: float) -> Matrix | None:
+        """Points (m, nq) with the projections of middles in between, until none is farther.
+
+        None if one is not clear, or the projection jumps.
+        """
+        space, found = self.robot.space, [points[0]]
+        ahead = list(points[:0:-1])
+        while ahead:
+            way = space.difference(found[-1], ahead[-1])
+            size = np.abs(way).max(initial=0.0)
+            if size <= longest:
+                found.append(ahead.pop())
+                continue
+            q = self.project(space.integrate(found[-1], 0.5 * way))
+            if q is None:
                 return None
-            if found:
-                step = np.abs(space.difference(found[-1], q)).max()
-                if step > STRETCH * LONGEST:
-                    return None
-            found.append(q)
+            sides = [np.abs(space.difference(q, end)).max() for end in (found[-1], ahead[-1])]
+            if max(sides) >= NEARER * size or not self.is_clear(q):
+                return None
+            ahead.append(q)
         return np.array(found)
+
+    def _projected(self, first: Vector, last: Vector) -> Matrix | None:
+        ends = self.project(first), self.project(last)
+        if ends[0] is None or ends[1] is None or not self.is_clear(ends[1]):
+            return None
+        return self._filled(np.array(ends), LONGEST)

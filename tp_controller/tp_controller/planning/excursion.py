@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tp_controller.stack import Stack
 from tp_controller.tasks import PostureTask
-from tp_controller.trajectory import JointPath, VectorPath, made_up, pace
+from tp_controller.trajectory import JointPath, VectorPath
 
 Vector = NDArray[np.float64]
 
@@ -19,6 +19,11 @@ GAIN = 3.0
 """Gain [1/s] of the task,"""
 SHARE = 0.2
 """and the largest share of the rate that it has."""
+BESIDE, FAR = 0.01, 0.05
+"""Largest error [rad, m] of a joint with which the way runs at full speed, and from which on it
+waits;"""
+SLOWING = 0.25
+"""time [s] in which it comes to that."""
 STALLED = 2.0
 """Time [s] without a tenth of that time of progress on the way, after which it is stuck."""
 NEAR = 1e-3
@@ -31,7 +36,8 @@ class Excursion:
     """A stack that rests, or follows a way in joint space, until it goes on to its goals.
 
     The levels above the goals, all set-based tasks, bounds and the safety filter stay. The time
-    of the way runs slower where they hold it up, see `pace`. Beginning and end are transitions.
+    of the way runs slower, and its feedforward is smaller by as much, where they keep the arm
+    beside it. Beginning and end are transitions.
 
     Parameters
     ----------
@@ -62,10 +68,10 @@ class Excursion:
         response = stack.robot.response
         self._lead = float(np.max(response.delay + response.lag))
         self._path: JointPath | None = None
-        self._time = self._waited = self._asked = 0.0
+        self._time = self._waited = 0.0
+        self._speed = 1.0
         self._marks = (0.0, 0.0)
-        self._feedforward: Vector | None = None
-        self._extra = np.zeros(self.task.k)
+        self._begun = False
         stack.take_over(self.task, names)
 
     @property
@@ -85,7 +91,7 @@ class Excursion:
 
     def stay(self) -> None:
         """Follow no way any more, and keep the arm where it is at the next step."""
-        self._path, self._feedforward = None, None
+        self._path = None
         self.task.feedforward = np.zeros(self.task.k)
         self._stack.aim_at_present(self.task)
 
@@ -93,8 +99,7 @@ class Excursion:
         """Follow a way from the next step on."""
         self._path = JointPath(path)
         self._time = self._waited = 0.0
-        self._asked, self._feedforward = 1.0, None
-        self._extra = np.zeros(self.task.k)
+        self._speed, self._begun = 1.0, False
         self._marks = (0.0, 0.0)
 
     def advance(self, seconds: float) -> None:
@@ -104,24 +109,21 @@ class Excursion:
             return
         if not np.isfinite(seconds):
             seconds = 0.0
-        speed = 1.0
-        if self._feedforward is not None and seconds > 0.0:
-            requested, achieved = self._stack.velocities_of(task.name)
-            wanted = requested - self._extra
-            speed, self._asked = pace(self._asked, self._feedforward, wanted, achieved)
-            self._extra = made_up(self._asked * self._feedforward, requested, achieved)
-        if self._feedforward is not None:
-            self._time += speed * seconds
+        if self._begun:
+            if seconds > 0.0:
+                beside = float(np.abs(task.error).max())
+                wanted = min(1.0, max(0.0, (FAR - beside) / (FAR - BESIDE)))
+                change = seconds / SLOWING
+                self._speed += min(change, max(-change, wanted - self._speed))
+            self._time += self._speed * seconds
+        self._begun = True
         self._waited += seconds
         time = self._time + self._lead
         period = self._stack.safety_filter.period
         aim = path.aim(task, min(time, path.duration), period if np.isfinite(period) else 0.0)
-        if time >= path.duration:
-            aim = aim._replace(feedforward=np.zeros(task.k))
-            self._extra[:] = 0.0
         task.target = aim.target
-        task.feedforward = self._asked * aim.feedforward + self._extra
-        self._feedforward = aim.feedforward
+        rest = time >= path.duration
+        task.feedforward = np.zeros(task.k) if rest else self._speed * aim.feedforward
 
     @property
     def over(self) -> bool:

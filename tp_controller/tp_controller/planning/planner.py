@@ -14,17 +14,21 @@ from tp_controller.config import START, Settings, build_settings, build_stack
 from tp_controller.planning import ahead, search, way
 from tp_controller.planning.ahead import Ahead, look_ahead
 from tp_controller.planning.conditions import Conditions, check_goals
-from tp_controller.planning.search import Answer, solve
+from tp_controller.planning.search import Answer, Solution, solve
 from tp_controller.planning.way import Way, find_way
 from tp_controller.robot import Robot
 from tp_controller.stack import Stack
-from tp_controller.tasks import ClearanceTask
+from tp_controller.tasks import SetBasedTask
 
 Vector = NDArray[np.float64]
 
-COARSE, COARSE_CLEAR = 60.0, 100.0
-"""Least rate [Hz] of a look ahead; with shapes that keep distances, whose margins grow with the
-square of a period."""
+COARSE, COARSE_CLEAR = 30.0, 50.0
+"""Least rate [Hz] of a look ahead; with tasks that keep distances."""
+
+FIRST = 1.5
+"""Time [s] in which ways to the first solutions are looked for,"""
+MANY, MANY_STARTS = 40, 400
+"""before one more search for so many, from so many starts."""
 
 
 class Phase(Enum):
@@ -101,13 +105,16 @@ class Planner:
         self._fast = self._coarse()
 
     def _coarse(self) -> Stack:
-        """Stack of a lower rate for the look ahead."""
-        values, rate = self._settings.values, self._settings.values['rate']
-        shapes = any(isinstance(task, ClearanceTask) for task in self.stack.tasks.values())
-        least = COARSE_CLEAR if shapes else COARSE
-        if rate is None or rate < 2.0 * least:
-            return build_stack(self.robot, values)
-        return build_stack(self.robot, values | {'rate': rate / int(rate / least)})
+        """Stack of a lower rate for the look ahead, which keeps the same distances."""
+        values, rate = dict(self._settings.values), self._settings.values['rate']
+        guards = [task for task in self.stack.tasks.values() if isinstance(task, SetBasedTask)]
+        steps = int((rate or 0.0) / (COARSE_CLEAR if guards else COARSE))
+        if steps > 1:
+            values['rate'] = rate / steps
+            for task in guards:
+                if task.one_sided:
+                    values[f'tasks.{task.name}.margin'] = task.margin
+        return build_stack(self.robot, values)
 
     def plan(
         self,
@@ -163,12 +170,26 @@ class Planner:
         if not answer.solutions or stop():
             return Plan(Kind.NONE, found, answer, seconds=seconds)
         tell(Phase.PLANNING)
-        with Conditions(self.stack, goals, q) as conditions:
-            path = find_way(conditions, answer.solutions, way.SECONDS, stop)
+        path = self._find(goals, q, answer.solutions, FIRST, stop)
+        if path is None and not stop():
+            # Another of the configurations may be where a way leads.
+            answer = solve(self.stack, goals, q, search.SECONDS, MANY, MANY_STARTS, stop=stop)
+            path = self._find(goals, q, answer.solutions, way.SECONDS - FIRST, stop)
         end(Phase.PLANNING)
         return Plan(
             Kind.NONE if path is None else Kind.AROUND, found, answer, path, seconds=seconds
         )
+
+    def _find(
+        self,
+        goals: Mapping[str, Sequence[float] | Vector],
+        q: Vector,
+        solutions: Sequence[Solution],
+        seconds: float,
+        stop: Callable[[], bool],
+    ) -> Way | None:
+        with Conditions(self.stack, goals, q) as conditions:
+            return find_way(conditions, solutions, seconds, stop)
 
     def _same_targets(self) -> None:
         """Give the stack of the look ahead the targets of the other."""

@@ -96,6 +96,7 @@ def solve(
     q: Vector,
     seconds: float = SECONDS,
     most: int = MOST,
+    count: int = STARTS,
     seed: int = 0,
     stop: Callable[[], bool] | None = None,
 ) -> Answer:
@@ -122,6 +123,8 @@ def solve(
         the reason in the last part of the time.
     most
         Number of solutions that are enough.
+    count
+        Number of starts of a search that has found something.
     seed
         Seed of the random starts.
     stop
@@ -141,7 +144,7 @@ def solve(
 
     begin = time.monotonic()
     with Conditions(stack, goals, q) as conditions:
-        found = _search(conditions, begin + SEARCHING * seconds, most, seed, stop)
+        found = _search(conditions, begin + SEARCHING * seconds, most, count, seed, stop)
         answer = found.answer(begin)
         if answer.solutions or (stop is not None and stop()):
             return answer
@@ -184,13 +187,14 @@ def _search(
     conditions: Conditions,
     end: float,
     most: int,
+    count: int,
     seed: int,
     stop: Callable[[], bool] | None,
 ) -> _Found:
     found = _Found(conditions)
     for start in starts(conditions, conditions.ends, seed):
         found.add(*conditions.ends.run(start))
-        enough = found.starts >= STARTS or len(found.solutions) >= most
+        enough = found.starts >= count or len(found.solutions) >= most
         if found.solutions and enough:
             break
         if time.monotonic() >= end or (stop is not None and stop()):

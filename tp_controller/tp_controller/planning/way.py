@@ -101,6 +101,7 @@ def find_way(
     ways = []
     for one in solutions:
         points = clear.way(conditions.q, one.q)
+        points = None if points is None else clear.fine(points)
         if points is not None:
             ways.append(_way(clear, points, one, False, begin))
         if stop() or time.monotonic() - begin > seconds:
@@ -109,11 +110,12 @@ def find_way(
         return min(ways, key=lambda way: way.duration + way.solution.cost - way.solution.seconds)
     if not solutions:
         return None
-    planned = _Planner(clear, solutions, stop).plan(seconds - (time.monotonic() - begin))
-    if planned is None:
-        return None
-    points, end = planned
-    return _way(clear, points, end, True, begin)
+    planner = _Planner(clear, solutions, stop)
+    while (left := seconds - (time.monotonic() - begin)) > 0.0 and not stop():
+        planned = planner.plan(left)
+        if planned is not None:
+            return _way(clear, *planned, True, begin)
+    return None
 
 
 def check_space(conditions: Conditions) -> None:
@@ -246,7 +248,7 @@ class _Planner:
             if piece is None:
                 return None
             pieces.append(piece[1:])
-        return np.vstack(pieces)
+        return self._clear.fine(np.vstack(pieces))
 
 
 def ompl_modules() -> tuple[Any, Any, Any]:

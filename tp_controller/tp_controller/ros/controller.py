@@ -361,7 +361,7 @@ class ControllerNode(ManagedNode):
         self._markers.follow_tasks(self._stack.tasks.values())
 
     def _on_rearranged(self) -> None:
-        """Show that other levels act; of these there is nothing to explain before the next step."""
+        """Show that other levels act; before the next step there is nothing to explain."""
         self._state.follow_hierarchy()
         self._rearranged = True
 
