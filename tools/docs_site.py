@@ -33,6 +33,7 @@ MARKDOWN = {
 REFERENCE = {
     'api/tp_controller.md': ('The library: tp_controller', 'tp_controller'),
     'api/batch.md': ('Batches: tp_controller.batch', 'tp_controller.batch'),
+    'api/planning.md': ('Ways around: tp_controller.planning', 'tp_controller.planning'),
     'api/harness.md': ('The harness: tp_sim.harness', 'tp_sim.harness'),
 }
 """Title and module of the pages on Python names."""

@@ -71,7 +71,7 @@ class Plan(NamedTuple):
         if self.answer is not None and self.answer.solutions:
             took = self.seconds.get(Phase.PLANNING.value, 0.0)
             return f'{self.answer.text}, but no way to any was found in {took:.2g} s'
-        return 'not looked at' if self.answer is None else self.answer.text
+        return '' if self.answer is None else self.answer.text
 
 
 class Planner:
