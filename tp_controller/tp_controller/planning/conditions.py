@@ -180,7 +180,8 @@ def check_goals(stack: Stack, goals: Mapping[str, Sequence[float] | Vector]) -> 
             task = stack.tasks.get(name)
             got = shown(name)
             if task is not None:
-                why = f'of type {task.type}' if stack.level_of(name) >= 0 else 'not in the hierarchy'
+                listed_there = stack.level_of(name) >= 0
+                why = f'of type {task.type}' if listed_there else 'not in the hierarchy'
                 got = f'{name}, which is {why}'
             raise InvalidValue('goals', got, f'tasks of {listed(able)}')
         try:
