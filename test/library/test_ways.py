@@ -1,5 +1,6 @@
 """Ways to goals: they keep ranges, distances, limits and what has to hold; judged by Pinocchio."""
 
+import time
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -14,6 +15,7 @@ from tp_controller import InvalidValue, Limits, build_settings, read_parameter_f
 from tp_controller.planning import Kind, Phase, Planner, find_way, look_ahead, solve
 from tp_controller.planning.clear import Clear
 from tp_controller.planning.conditions import Conditions
+from tp_controller.planning.process import Failed, RemotePlanner, Request, asked_parameters
 from tp_controller.planning.timing import SHARE, timed
 from tp_controller.robot.draws import random_configuration
 
@@ -243,6 +245,35 @@ def test_a_planner_stops_when_it_is_told():
     plan = planner.plan(goals, READY, stop=lambda: True)
     assert plan.kind is Kind.NONE
     assert sum(plan.seconds.values()) < 1.0
+
+
+def test_the_planner_of_a_process_plans_and_comes_back_after_it_was_killed():
+    settings = build_settings(parameters('panda_pose'))
+    remote = RemotePlanner()
+
+    def ask(number):
+        goals = {'hand_pose': np.array([0.5, 0.3, 0.3, 1.0, 0.0, 0.0, 0.0])}
+        request = Request(
+            number, asked_parameters(settings), None, {}, goals, {'hand_pose': 1e-3}, READY, True
+        )
+        remote.ask(request)
+        end = time.monotonic() + 20.0
+        while time.monotonic() < end:
+            for found, reply in remote.take():
+                if found == number and not isinstance(reply, Phase):
+                    return reply
+            time.sleep(0.01)
+        raise AssertionError('no reply')
+
+    try:
+        assert ask(1).plan.kind is Kind.STRAIGHT
+        remote._process.kill()
+        remote._process.wait()
+        while not any(isinstance(reply, Failed) for _, reply in remote.take()):
+            time.sleep(0.01)
+        assert ask(2).plan.kind is Kind.STRAIGHT
+    finally:
+        remote.close()
 
 
 def test_a_base_that_moves_is_refused():

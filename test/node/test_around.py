@@ -136,15 +136,11 @@ def test_the_state_and_the_markers_show_the_way(loop):
     assert loop.finish(call).outcome == Result.REACHED
 
 
-@pytest.mark.parametrize(
-    ('goal', 'words'),
-    [(INSIDE, 'because of obstacle_1'), ([1.7, 1.7], 'out of reach')],
-)
-def test_a_goal_without_a_configuration_gets_its_no_and_the_arm_rests(loop, goal, words):
+def test_a_goal_without_a_configuration_gets_its_no_and_the_arm_rests(loop):
     place = np.array(loop.client.task('ee_position').current)
-    result = loop.finish(start(loop, goal))
+    result = loop.finish(start(loop, INSIDE))
     assert result.outcome == Result.STUCK
-    assert words in result.message
+    assert 'because of obstacle_1' in result.message
     assert 'none found in' in result.message
     loop.run(0.5)
     assert np.abs(loop.client.task('ee_position').current - place).max() < 1e-3

@@ -236,10 +236,11 @@ class ReachServer:
 
     def watch(self, task: Task) -> None:
         """Watch a goal that came by topic, to go around if it gets stuck."""
-        if task.around and self._stack.level_of(task.name) >= 0:
-            goal = _Goal(None, [task], Progress([Reach.Goal().tolerance]), self._answered.now)
-            self._goals = [one for one in self._goals if one.handle or one.tasks != [task]]
-            self._goals.append(goal)
+        if task.around and self._stack.is_listed(task.name):
+            for other in [one for one in self._goals if task in one.tasks]:
+                self._replace(other, f'{task.name} got another target', [task])
+            progress = Progress([Reach.Goal().tolerance])
+            self._goals.append(_Goal(None, [task], progress, self._answered.now))
             self._seen = self._spoken = time.monotonic()
             self._note_active()
 
