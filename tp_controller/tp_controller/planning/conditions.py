@@ -142,6 +142,15 @@ class Conditions:
         """Search for a part of the conditions."""
         return Descent(self, tasks, guards, ranges)
 
+    def inward(self, q: Vector) -> Vector:
+        """Configuration (nq,) that differs from q by whole turns, as far inside as possible."""
+        space, sliding, found = self.robot.space, self.robot.sliding, np.array(q)
+        middle = 0.5 * (self.low + self.high)
+        for j in np.flatnonzero(space.ranged & ~sliding & np.isfinite(middle)):
+            i = space.own[j]
+            found[i] -= math.tau * round((found[i] - middle[j]) / math.tau)
+        return found
+
     def nearest(self, q: Vector) -> Vector:
         """Configuration (nq,) that differs from q by whole turns, nearest to the present one."""
         space = self.robot.space
@@ -345,10 +354,10 @@ class Descent:
         self.robot.update(q)
         return blocked_rows(self.guards)
 
-    def outside(self, q: Vector) -> list[Blocked]:
-        """Joints that are outside of their ranges at q (nq,)."""
+    def outside(self, q: Vector, conditions: Conditions) -> list[Blocked]:
+        """Joints that are outside of the ranges of the conditions at q (nq,)."""
         x = self.robot.space.positions(q)
-        beyond = np.maximum(self.low - x, x - self.high)
+        beyond = np.maximum(conditions.low - x, x - conditions.high)
         names = self.robot.joints
         return [Blocked('', names[j], float(beyond[j])) for j in np.flatnonzero(beyond > 1e-9)]
 

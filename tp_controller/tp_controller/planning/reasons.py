@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from itertools import chain
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.planning.conditions import FOUND, Blocked, Conditions, Descent
+from tp_controller.planning.starts import starts
 from tp_controller.tasks import JointLimitsTask, SetBasedTask, Task
 
 Vector = NDArray[np.float64]
 
 RANGES = 'ranges'
+TRIES = 30
+"""Configurations among which the one is told whose joints are least out of their ranges."""
 
 
 def explain_none(
@@ -72,7 +75,7 @@ class _Reasons:
             return f'{near}, though each part of it can be had; a longer search may find one', ()
         words, names = [], []
         for part in given_up:
-            text, found_names = self._cost(part, q)
+            text, found_names = self._cost(part, q, kept)
             words.append(text)
             names += found_names
         return f'{near}, because of {_words(words)}', tuple(names)
@@ -99,11 +102,13 @@ class _Reasons:
         nearest = [f'{task.name} by {self._least([task]):.3g}' for task in alone]
         return f'out of reach: the nearest misses {_words(nearest)}'
 
-    def _cost(self, part: str | Task, q: Vector) -> tuple[str, list[str]]:
+    def _cost(
+        self, part: str | Task, q: Vector, kept: Sequence[str | Task]
+    ) -> tuple[str, list[str]]:
         """What a part takes at the configuration that has everything else."""
         conditions = self._conditions
         if isinstance(part, str):
-            rows = conditions.ends.outside(conditions.nearest(q))
+            rows = self._least_outside(q, kept)
             text = ' and '.join(f'the range of {row.row} (by {row.missing:.3g})' for row in rows)
             return text or 'the ranges of joints', [row.row for row in rows]
         conditions.robot.update(q)
@@ -116,6 +121,20 @@ class _Reasons:
         norm = conditions.part([part], ()).error_norms(q)[part.name]
         return f'{part.name} above it (by {norm:.3g})', [part.name]
 
+    def _least_outside(self, q: Vector, kept: Sequence[str | Task]) -> list[Blocked]:
+        """Joints that are out of their ranges where the least is missing, among some tries."""
+        conditions = self._conditions
+        descent = self._descent(conditions.goals, kept)
+        best = descent.outside(conditions.inward(q), conditions)
+        for start in islice(starts(conditions, descent, 2), TRIES):
+            found, error = descent.run(start)
+            if error > FOUND or descent.blocked(found):
+                continue
+            rows = descent.outside(conditions.inward(found), conditions)
+            if _missing(rows) < _missing(best):
+                best = rows
+        return best
+
     def _descent(self, goals: Sequence[Task], parts: Sequence[str | Task]) -> Descent:
         tasks = [part for part in parts if isinstance(part, Task) and not part.set_based]
         guards = [part for part in parts if isinstance(part, SetBasedTask)]
@@ -125,8 +144,6 @@ class _Reasons:
         self, goals: Sequence[Task], parts: Sequence[str | Task], near: Vector | None = None
     ) -> Vector | None:
         """Configuration (nq,) that has goals and keeps some parts, None if none is found."""
-        from tp_controller.planning.search import starts
-
         now = time.monotonic()
         end = now + max(self._end - now, 0.05) / max(self._searches, 1)
         self._searches -= 1
@@ -146,6 +163,10 @@ class _Reasons:
         """Least error norm of goals alone."""
         self._find(goals, ())
         return float(self._least_error)
+
+
+def _missing(rows: Sequence[Blocked]) -> float:
+    return sum(row.missing for row in rows)
 
 
 def _words(parts: Sequence[str]) -> str:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.planning.conditions import FOUND, Conditions, Descent
-from tp_controller.robot import Robot
-from tp_controller.robot.draws import random_configuration
+from tp_controller.planning.conditions import FOUND, Conditions
+from tp_controller.planning.reasons import explain_none
+from tp_controller.planning.starts import starts
 from tp_controller.stack import Stack
 
 Vector = NDArray[np.float64]
@@ -26,8 +26,6 @@ STARTS = 48
 """Starts of a search that finds something,"""
 MOST = 8
 """which ends sooner with so many solutions."""
-SAMPLE = 256
-"""Configurations of the stored sample, of which the nearest to the goals are starts."""
 DIFFERENT = 0.3
 """Least difference [rad, m] of a joint between two solutions."""
 ROOM, CLEARANCE = 0.1, 0.05
@@ -140,8 +138,6 @@ def solve(
     InvalidValue
         If a goal or the configuration cannot be used.
     """
-    from tp_controller.planning.reasons import explain_none
-
     begin = time.monotonic()
     with Conditions(stack, goals, q) as conditions:
         found = _search(conditions, begin + SEARCHING * seconds, most, count, seed, stop)
@@ -200,34 +196,6 @@ def _search(
         if time.monotonic() >= end or (stop is not None and stop()):
             break
     return found
-
-
-def starts(conditions: Conditions, descent: Descent, seed: int) -> Iterator[Vector]:
-    """Configurations (nq,) to begin at, without end."""
-    yield conditions.q
-    sample = stored_sample(conditions.robot)
-    sizes = [float(np.linalg.norm(descent.errors(q))) for q in sample]
-    order = np.argsort(sizes)
-    rng = np.random.default_rng(seed)
-    # Near ones may lie in one place; every other start is anywhere.
-    for i in order[: STARTS // 2]:
-        yield sample[i]
-        yield random_configuration(conditions.robot, rng)
-    while True:
-        yield random_configuration(conditions.robot, rng)
-
-
-_samples: dict[int, tuple[Robot, Matrix]] = {}
-
-
-def stored_sample(robot: Robot) -> Matrix:
-    """Random configurations (m, nq) of a robot inside its ranges, the same at every call."""
-    if id(robot) not in _samples or _samples[id(robot)][0] is not robot:
-        rng = np.random.default_rng(0)
-        drawn = [random_configuration(robot, rng) for _ in range(SAMPLE)]
-        _samples.clear()
-        _samples[id(robot)] = robot, np.array(drawn)
-    return _samples[id(robot)][1]
 
 
 def rated(conditions: Conditions, q: Vector) -> Solution:
