@@ -127,13 +127,16 @@ def tools(case: Case) -> tuple[Planner, Stack]:
     return made[case.name]
 
 
-def draws(case: Case, robot: Robot, count: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Starts and configurations of goals (count, n) [rad]."""
-    if not case.clear:
-        return list(zip(*draw(robot, count), strict=True))
-    planner, _ = tools(case)
-    rng = np.random.default_rng(1)
-    return [(clear(case, planner, rng), clear(case, planner, rng)) for _ in range(count)]
+def draws(job: Job, robot: Robot) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Starts and configurations of goals (n,) [rad]."""
+    if not job.case.clear:
+        return list(zip(*draw(robot, job.count), strict=True))[job.draws.start : job.draws.stop]
+    planner, _ = tools(job.case)
+    found = []
+    for i in job.draws:
+        rng = np.random.default_rng([1, i])
+        found.append((clear(job.case, planner, rng), clear(job.case, planner, rng)))
+    return found
 
 
 def clear(case: Case, planner: Planner, rng: np.random.Generator) -> np.ndarray:
@@ -316,7 +319,7 @@ def outcomes(job: Job) -> list[Outcome]:
     """Try some draws."""
     planner, _ = tools(job.case)
     found = []
-    for start, end in draws(job.case, planner.robot, job.count)[job.draws.start : job.draws.stop]:
+    for start, end in draws(job, planner.robot):
         planner.robot.update(end)
         goals = {name: planner.stack.tasks[name].current for name in job.case.goals}
         found.append(pursue(job.case, start, goals))

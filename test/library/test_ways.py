@@ -239,6 +239,13 @@ def test_a_planner_goes_straight_or_around_or_says_no():
     assert 'out of reach' in plan.text
 
 
+def test_a_planner_looks_ahead_for_a_stack_without_a_rate():
+    values = parameters('a4_position_joint')
+    del values['rate']
+    plan = Planner(values).plan({'ee_position': [0.3, 1.2]}, np.array([0.0, 0.6, 0.3]))
+    assert plan.kind is Kind.STRAIGHT
+
+
 def test_a_planner_stops_when_it_is_told():
     planner = Planner(parameters('panda_pose'))
     goals = {'hand_pose': [2.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0]}

@@ -13,6 +13,7 @@ from tp_controller.errors import UnusableState
 from tp_controller.planning.conditions import check_goals
 from tp_controller.progress import Progress, Verdict
 from tp_controller.stack import Stack
+from tp_controller.tasks import Task
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -26,6 +27,11 @@ TOLERANCE = 0.01
 LATER, LESS = 2.0, 0.05
 """In so much time [s] the errors together have to become smaller by this share, else it is
 stuck: an arm that creeps is not waited for."""
+HOLDS = 1e-3
+"""Error norm [m, rad] of a task above at the start up to which it has to hold on the way,"""
+LOST = {'position': 1e-3}
+OTHERWISE = 8e-3
+"""and from which on it does not, by type [m], and of others [rad]."""
 STOP_EVERY = 50
 """Steps between two calls of ``stop``."""
 
@@ -34,7 +40,7 @@ class Ahead(NamedTuple):
     """What becomes of goals on the straight way."""
 
     reached: bool
-    """Whether all come within tolerance."""
+    """Whether all come within tolerance, and nothing above is lost on the way."""
     time: float
     """Time [s] of the motion that was looked at."""
     length: float
@@ -43,6 +49,8 @@ class Ahead(NamedTuple):
     """Error norm [m, rad] by task at its end."""
     q: Vector
     """Configuration (nq,) at its end."""
+    lost: tuple[str, ...] = ()
+    """Tasks of levels above all goals that had no error at the start, and have one on the way."""
 
 
 def look_ahead(
@@ -55,8 +63,8 @@ def look_ahead(
 ) -> Ahead:
     """Let a stack move joints that carry out every command exactly, from rest.
 
-    It ends when the goals are reached, when they are stuck as `Progress` judges it, or when
-    their errors have not become smaller by 5 % in 2 s.
+    It ends when the goals are reached, when they are stuck as `Progress` judges it, when their
+    errors have not become smaller by 5 % in 2 s, or when a task above them is lost.
 
     Parameters
     ----------
@@ -88,6 +96,14 @@ def look_ahead(
     stack.rest()
     q = np.array(q, dtype=float)
     length, mark, since, count = 0.0, math.inf, 0.0, 0
+    highest = min(stack.level_of(task.name) for task in tasks)
+    above = [
+        task
+        for level in stack.members
+        for task in level
+        if stack.level_of(task.name) < highest and not task.set_based
+    ]
+    lost: list[str] = []
     verdict = None
     while verdict is None:
         try:
@@ -95,6 +111,12 @@ def look_ahead(
         except UnusableState as error:
             command = np.zeros(robot.n) if error.command is None else error.command
         errors = np.array([math.sqrt(task.error @ task.error) for task in tasks])
+        if not count:
+            above = [task for task in above if task.error @ task.error <= HOLDS**2]
+        lost = [task.name for task in above if task.error @ task.error > _lost(task) ** 2]
+        if lost:
+            progress.errors[:] = errors
+            break
         moving = bool(np.abs(command).max() > MOVING)
         verdict = progress.see(period if count else 0.0, errors, moving)
         size = float(errors.sum())
@@ -110,4 +132,9 @@ def look_ahead(
         q = robot.integrate(q, way)
     stack.rest()
     found = dict(zip(targets, progress.errors.tolist(), strict=True))
-    return Ahead(verdict is Verdict.REACHED, progress.time, length, found, q)
+    reached = verdict is Verdict.REACHED
+    return Ahead(reached, progress.time, length, found, q, tuple(lost))
+
+
+def _lost(task: Task) -> float:
+    return LOST.get(task.type, OTHERWISE)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from tp_controller.planning.ahead import HOLDS
 from tp_controller.planning.conditions import Conditions
 
 Vector = NDArray[np.float64]
@@ -22,8 +23,6 @@ FINE = 0.04
 """Largest way [rad, m] of a joint between two points of a way on which tasks hold."""
 NEARER = 0.9
 """The projection of a middle is nearer to both ends than this share of their distance."""
-HOLDS = 1e-3
-"""Error norm [m, rad] of a task at the start up to which it has to hold on the way."""
 ROUNDING = 1e-6
 
 

@@ -109,7 +109,10 @@ class Planner:
         values, rate = dict(self._settings.values), self._settings.values['rate']
         guards = [task for task in self.stack.tasks.values() if isinstance(task, SetBasedTask)]
         steps = int((rate or 0.0) / (COARSE_CLEAR if guards else COARSE))
-        if steps > 1:
+        if rate is None:
+            # Any will do for a stack that is made for none.
+            values['rate'] = COARSE_CLEAR
+        elif steps > 1:
             values['rate'] = rate / steps
             for task in guards:
                 if task.one_sided:
