@@ -28,6 +28,8 @@ CONFIG = Path(__file__).resolve().parent.parent / 'config'
 FILES = ('panda_pose', 'ur5_pose', 'kinova_pose', 'panda_table')
 MOVES = 1e-3
 """Command [rad/s] from which on a joint moves."""
+LONGEST, STILL = 20.0, 3
+"""Time [s] that is waited for rest at most, and looks in a row that have to see it."""
 STRAIGHT, AROUND, NONE = 'straight', 'around', 'no'
 
 
@@ -87,8 +89,16 @@ def measure(name: str, count: int, console: Console) -> dict[str, list[float]]:
                 found[kind].append(watch.first)
             else:
                 console.print(f'{name}: first goal of all: {watch.first:.2f} s')
-            loop.run(0.5)
+            wait_for_rest(loop)
     return found
+
+
+def wait_for_rest(loop: ClosedLoop) -> None:
+    """Wait until the levels below the goal have come to rest, too."""
+    end, still = time.monotonic() + LONGEST, 0
+    while still < STILL and time.monotonic() < end:
+        loop.run(0.1)
+        still = still + 1 if np.abs(loop.state.command).max() < MOVES else 0
 
 
 def run(names: Sequence[str], count: int) -> int:

@@ -193,7 +193,7 @@ def outcomes(job: Job) -> list[Outcome]:
 
 def run(arms: Sequence[str], count: int) -> None:
     """Try all draws and print the table."""
-    console = Console(width=100)
+    console = Console(width=108)
     table = Table(title=f'Goals reached within 1 mm and 0.1° in {SECONDS:g} s [%]')
     table.add_column('arm')
     table.add_column('over the posture', no_wrap=True)

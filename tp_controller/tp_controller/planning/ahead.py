@@ -30,7 +30,7 @@ stuck: an arm that creeps is not waited for."""
 HOLDS = 1e-3
 """Error norm [m, rad] of a task above at the start up to which it has to hold on the way,"""
 LOST = {'position': 1e-3}
-OTHERWISE = 8e-3
+OTHERWISE = 5e-3
 """and from which on it does not, by type [m], and of others [rad]."""
 STOP_EVERY = 50
 """Steps between two calls of ``stop``."""
