@@ -5,7 +5,8 @@ without them: the planner looks ahead, searches and plans; the stack of the ship
 follows the way and goes on to the goal; the joints carry out every command exactly. Everything
 that has to be kept is judged at every step, distances at every fifth. Three more sets of draws
 have obstacles: starts and goals are random configurations of `panda_table.yaml` that keep all
-distances, so that a solution exists. With the hand upright a task above the goal has to hold all along.
+distances, so that a solution exists. With the hand upright a task above the goal has to
+hold all along.
 """
 
 from __future__ import annotations
