@@ -3,9 +3,10 @@
 Start and goal are drawn uniformly inside the joints' ranges (a joint that turns without end
 takes any angle); the goal is the pose of the hand there. What the nodes do in lockstep is
 computed without them: the stack of the shipped parameter file answers a configuration, the
-simulator's joints move on within their speeds and ranges. Every draw is tried three times:
+simulator's joints move on within their speeds and ranges. Every draw is tried four times:
 
 - as it is;
+- with a way around, as `~/reach` with ``around`` goes it (benchmarks/around.py has more);
 - with joints that have speeds but no ends of their ranges;
 - from the posture of the file in place of the random start.
 """
@@ -78,6 +79,8 @@ class Outcome(NamedTuple):
     """Whether the goal is reached where the joints' ranges have no ends."""
     from_posture: bool
     """Whether the goal is reached from the posture."""
+    around: bool
+    """Whether the goal is reached with a way around."""
 
 
 def cases(arm: str) -> list[Case]:
@@ -151,6 +154,13 @@ def _tolerance(task: Task) -> np.ndarray:
 
 def outcomes(job: Job) -> list[Outcome]:
     """Try some draws."""
+    # It has its draws from here.
+    from around import Case as Around
+    from around import pursue
+
+    names = job.case.hierarchy[:-1]
+    levels = (('hierarchy', list(job.case.hierarchy)),)
+    way = Around(f'{job.case.file} {job.case.levels}', job.case.file, names, levels)
     stack = job.case.stack()
     robot, limits = stack.robot, stack.robot.limits
     path = CONFIG / f'{job.case.file}.yaml'
@@ -162,9 +172,10 @@ def outcomes(job: Job) -> list[Outcome]:
     result = []
     for i in job.draws:
         robot.update(goals[i])
-        for name in job.case.hierarchy[:-1]:
+        for name in names:
             task = stack.tasks[name]
             task.target = task.target_from_pose(frame.position, frame.rotation)
+        targets = {name: stack.tasks[name].target for name in names}
         pursuit = Pursuit(stack, starts[i], limits, dt)
         arrived = pursuit.run(SECONDS)
         without_ends = arrived
@@ -175,17 +186,19 @@ def outcomes(job: Job) -> list[Outcome]:
         if not arrived:
             ending = SLOW if pursuit.run(LATE) else pursuit.cause()
         from_posture = Pursuit(stack, posture, limits, dt).run(SECONDS)
-        result.append(Outcome(ending, without_ends, from_posture))
+        reached = pursue(way, starts[i], targets).reached
+        result.append(Outcome(ending, without_ends, from_posture, reached))
     return result
 
 
 def run(arms: Sequence[str], count: int) -> None:
     """Try all draws and print the table."""
-    console = Console(width=100)
+    console = Console(width=108)
     table = Table(title=f'Goals reached within 1 mm and 0.1° in {SECONDS:g} s [%]')
     table.add_column('arm')
     table.add_column('over the posture', no_wrap=True)
     table.add_column('reached', justify='right')
+    table.add_column('around', justify='right')
     for ending in (SLOW, LIMIT, SINGULAR, OTHER):
         table.add_column(ending, justify='right')
     table.add_column('no ends', justify='right')
@@ -197,7 +210,8 @@ def run(arms: Sequence[str], count: int) -> None:
                 jobs = [Job(case, chunk, count) for chunk in chunks]
                 tried = [one for some in pool.imap(outcomes, jobs) for one in some]
                 endings = Counter(one.ending for one in tried)
-                shares = [endings[name] for name in (ARRIVED, SLOW, LIMIT, SINGULAR, OTHER)]
+                shares = [endings[ARRIVED], sum(one.around for one in tried)]
+                shares += [endings[name] for name in (SLOW, LIMIT, SINGULAR, OTHER)]
                 shares += [sum(one.without_ends for one in tried)]
                 shares += [sum(one.from_posture for one in tried)]
                 percent = [f'{100.0 * share / count:.1f}' for share in shares]
@@ -208,7 +222,8 @@ def run(arms: Sequence[str], count: int) -> None:
         f'{count} draws per arm; position alone: within 1 mm. Not reached in time: late, there '
         f'after {LATE:g} s; end, a joint was held at the end of its range in the last second; '
         'singular, in the region where damping acts. No ends: the same draws where joints have '
-        'speeds but no ends. From it: the same goals from the posture.'
+        'speeds but no ends. From it: the same goals from the posture. Around: with a way '
+        'around, in up to 30 s.'
     )
 
 

@@ -38,6 +38,7 @@ WITHOUT_KEY = {
     'distributed',
     'mcap',
     'mcap_ros2',
+    'ompl',
     'pyarrow',
     'trimesh',
     'typing_extensions',

@@ -36,6 +36,7 @@ REFERENCE = {
     'api/batch.md': ('Batches: tp_controller.batch', 'tp_controller.batch'),
     'api/recording.md': ('Recordings: tp_controller.recording', 'tp_controller.recording'),
     'api/plots.md': ('Pictures: tp_controller.plots', 'tp_controller.plots'),
+    'api/planning.md': ('Ways around: tp_controller.planning', 'tp_controller.planning'),
     'api/harness.md': ('The harness: tp_sim.harness', 'tp_sim.harness'),
 }
 """Title and module of the pages on Python names."""

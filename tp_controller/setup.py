@@ -38,6 +38,7 @@ REQUIREMENTS = [
     'PyYAML',
 ]
 EXTRAS = {
+    'around': ['ompl>=2'],  # ways around obstacles
     'batch': ['dask[distributed]', 'matplotlib', 'pyarrow<26', 'rich'],
     # recordings and pictures of them, without ROS
     'recordings': ['matplotlib', 'mcap', 'mcap-ros2-support', 'trimesh', 'zstandard'],
@@ -63,6 +64,7 @@ for_ros = {
             'record = tp_controller.ros.record:main',
             'replay = tp_controller.ros.replay:main',
             'send_goal = tp_controller.ros.send_goal:main',
+            'solve = tp_controller.planning.command:main',
             'view = tp_controller.ros.view:main',
             'watch = tp_controller.ros.watch:main',
         ],

@@ -180,7 +180,15 @@ def test_the_parameters_that_may_change_while_running_are_those_of_the_contract(
     tasks = {
         f'tasks.{name}.{leaf}'
         for name in nested_parameters()['tasks']
-        for leaf in ('enabled', 'gain', 'feedforward', 'target', 'weight', 'time_scaling')
+        for leaf in (
+            'enabled',
+            'gain',
+            'feedforward',
+            'target',
+            'weight',
+            'time_scaling',
+            'around',
+        )
     }
     solver = ('type', 'inverse', 'damping', 'singular_region', 'joint_weights', 'saturation')
     solver = {f'solver.{key}' for key in (*solver, 'settle')}

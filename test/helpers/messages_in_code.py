@@ -8,6 +8,7 @@ PLACES = (
     'tp_controller/tp_controller/ros/*.py',
     'tp_controller/tp_controller/checks/*.py',
     'tp_controller/tp_controller/tasks/*.py',
+    'tp_controller/tp_controller/planning/*.py',
     'tp_controller/tp_controller/config/risks.py',
     'tp_controller/tp_controller/config/changes.py',
     'tp_controller/tp_controller/*.py',

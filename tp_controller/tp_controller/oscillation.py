@@ -209,8 +209,7 @@ class OscillationWatch:
         self._acts, self._acted, self._one_sided = np.zeros((3, k), dtype=bool)
         self._switched_at = np.zeros((k, N))
         self._asks = []
-        for name, part in rows.parts.items():
-            task = self._stack.tasks[name]
+        for task, part in self._parts():
             self._one_sided[part] = task.one_sided
             self._asks.append(_Asked(task, part))
         self._acted[:] = self._stack.solver.acting
@@ -394,9 +393,16 @@ class OscillationWatch:
         return ''
 
     def _equalities(self) -> Iterator[Task]:
-        for name in self._stack.rows.parts:
-            if not self._stack.tasks[name].set_based:
-                yield self._stack.tasks[name]
+        for task, _ in self._parts():
+            if not task.set_based:
+                yield task
+
+    def _parts(self) -> Iterator[tuple[Task, slice]]:
+        """Tasks that act, with their rows."""
+        parts = self._stack.rows.parts
+        for level in self._stack.members:
+            for task in level:
+                yield task, parts[task.name]
 
     def _switching(self) -> tuple[SetBasedTask | None, float, float]:
         """Set-based task whose rows change most often.
@@ -411,8 +417,7 @@ class OscillationWatch:
             How often the one does that does it most often [Hz].
         """
         found, most, most_of_one = None, 0.0, 0.0
-        for name, part in self._stack.rows.parts.items():
-            task = self._stack.tasks[name]
+        for task, part in self._parts():
             if not isinstance(task, SetBasedTask):
                 continue
             rates = [self._changes(i) for i in range(part.start, part.stop)]

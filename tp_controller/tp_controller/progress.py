@@ -81,6 +81,11 @@ class Progress:
         self._rates, self._decays = np.zeros((2, len(tolerances)))
 
     @property
+    def tolerances(self) -> list[float]:
+        """Largest error norm of each task that counts as reached [m, rad]."""
+        return [float(tolerance) for tolerance in self._tolerances]
+
+    @property
     def pending(self) -> NDArray[np.bool_]:
         """Which tasks (m,) are not within tolerance."""
         return ~(self.errors <= self._tolerances)
@@ -123,6 +128,20 @@ class Progress:
             if waited >= PATIENCE or min(waited, self.time - self._moved) >= AT_REST:
                 return Verdict.STUCK
         return Verdict.TIMED_OUT if self.time >= self._time_limit else None
+
+    def wait(self, seconds: float, errors: Vector) -> Verdict | None:
+        """Let time [s] pass in which no progress is asked for; the arguments are as for `see`."""
+        self.time += seconds
+        self.errors[:] = errors
+        self.restart()
+        return Verdict.TIMED_OUT if self.time >= self._time_limit else None
+
+    def restart(self) -> None:
+        """Judge progress from now on."""
+        self._best[:] = np.inf
+        self._within_since = math.nan
+        self._moved = self._improved = self.time
+        self._before = None
 
     def time_left(self, gains: Vector) -> float:
         """Estimate of the time [s] until all errors are within tolerance.

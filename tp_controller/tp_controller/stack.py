@@ -138,6 +138,7 @@ class Stack:
         self._qd, self._wish, self._fastest = np.zeros((3, robot.n))
         self._members: list[list[Task]] = []
         self._listed: list[list[str]] = []
+        self._stand_in: tuple[Task, tuple[str, ...]] | None = None
         self._transition_time = 0.0
         for task in self.tasks.values():
             task.changed = self._follow_task
@@ -200,13 +201,75 @@ class Stack:
             self.tasks[name].switch(on)
         self._solver = self._solver if solver is None else solver
         self._listed = split_hierarchy(hierarchy, self.tasks)
+        self._arrange(self._taken_over(members))
+        self.begin_transition()
+
+    def take_over(self, task: Task, names: Sequence[str]) -> None:
+        """Let a task act in place of some levels, as a transition, until `give_back`.
+
+        It takes the place of the first level that has one of the named tasks, and of all levels
+        below. Their set-based tasks go on to act, on a level of their own above it.
+        `hierarchy` stays as it is, and so does the place of all tasks in it.
+
+        Parameters
+        ----------
+        task
+            A task of the robot that is not in `tasks`.
+        names
+            Names of tasks.
+
+        Raises
+        ------
+        InvalidValue
+            If its name is that of a task, or the solver cannot resolve the levels; nothing has
+            changed then.
+        """
+        if task.name in self.tasks:
+            raise InvalidValue('task', f'{shown(task.name)}, which the stack has', 'a new name')
+        before, self._stand_in = self._stand_in, (task, tuple(names))
+        try:
+            members = self._taken_over(self.check_hierarchy(self.hierarchy))
+            self.solver.check(members, None)
+        except InvalidValue:
+            self._stand_in = before
+            raise
+        if task.period != self.safety_filter.period:
+            task.know_period(self.safety_filter.period)
+        if task.target is None and task not in self._unaimed:
+            self._unaimed.append(task)
         self._arrange(members)
         self.begin_transition()
+
+    def give_back(self) -> None:
+        """Let the levels act again that a task took the place of, as a transition."""
+        if self._stand_in is not None:
+            task = self._stand_in[0]
+            self._stand_in = None
+            self._unaimed = [other for other in self._unaimed if other is not task]
+            task.leave()
+            self.rearrange()
+
+    @property
+    def stand_in(self) -> Task | None:
+        """Task that acts in place of levels, None if there is none."""
+        return None if self._stand_in is None else self._stand_in[0]
+
+    def _taken_over(self, members: list[list[Task]]) -> list[list[Task]]:
+        """Levels with the stand-in, if there is one, in the place of those that it stands for."""
+        if self._stand_in is None:
+            return members
+        task, names = self._stand_in
+        first = min(
+            (i for i, level in enumerate(members) if any(one.name in names for one in level)),
+            default=len(members),
+        )
+        left = [one for level in members[first:] for one in level if one.set_based]
+        return [*members[:first], *([left] if left else []), [task]]
 
     def _follow_task(self) -> None:
         """Follow a task whose gain has changed, or which was switched on or off."""
         on = [task for task in self._in_order() if task.enabled]
-        if on != list(chain.from_iterable(self._members)):
+        if self._stand_in or on != list(chain.from_iterable(self._members)):
             self.rearrange()
         else:
             self.begin_transition()
@@ -243,7 +306,8 @@ class Stack:
         """Take over levels, which pass `check_hierarchy`."""
         # Who stays goes on as it is: rows that are in stay in.
         stays = set(chain.from_iterable(self._members)) & set(chain.from_iterable(members))
-        for task in self.tasks.values():
+        new = {task.name: task for task in chain.from_iterable(members)}
+        for task in {**self.tasks, **new}.values():
             if task not in stays:
                 task.leave()
                 task.place(np.zeros_like(task.J), np.zeros(task.k))
@@ -262,7 +326,7 @@ class Stack:
         self._velocity, self._achieved = self._answers[n : n + k], self._answers[n + k :]
         known = np.zeros((3, k))
         self._errors, self._feedforward = known[:2]
-        self._ranked = [self.tasks[name] for name in self._rows]
+        self._ranked = list(chain.from_iterable(members))
         self._own: list[tuple[Task, Vector, Vector]] = []
         for task in self._ranked:
             rows = self._rows[task.name]
@@ -404,10 +468,9 @@ class Stack:
             if self.solver.compiled and not self._own
             else partial(np.errstate, over='ignore', invalid='ignore')
         )
-        for name, rows in self._rows.items():
-            task = self.tasks[name]
+        for task in self._ranked:
             if isinstance(task, SetBasedTask):
-                acting = self.solver.acting[rows]
+                acting = self.solver.acting[self._rows[task.name]]
                 # Who stays goes on as it is until the next step.
                 acting[:] = task.acting
                 task.acting = acting
@@ -535,6 +598,10 @@ class Stack:
             if name in names:
                 return i
         return -1
+
+    def is_listed(self, name: str) -> bool:
+        """Whether a task is on and in the hierarchy, though another may act in its place."""
+        return self.place_of(name) >= 0 and self.tasks[name].enabled
 
     def velocities_of(self, name: str) -> tuple[Vector, Vector]:
         """Views of the requested and achieved velocity (k,) of a task in the hierarchy.

@@ -296,6 +296,7 @@ def build_task(name: str, robot: Robot, values: Flat) -> Task:
         task.gain = own['gain']
         task.weight = own['weight']
         task.time_scaling = own.get('time_scaling', False)
+        task.around = own.get('around', False)
         task.inverse = Inverse(*(own[key] for key in INVERSE))
         if own['feedforward'] is not None:
             task.feedforward = own['feedforward']

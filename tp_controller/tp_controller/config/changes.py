@@ -104,7 +104,7 @@ def check_changes(
             if leaf == 'weight':
                 steps += [partial(setattr, task, leaf, value), stack.prepare_solver]
                 continue
-            if leaf == 'time_scaling':
+            if leaf in ('time_scaling', 'around'):
                 steps.append(partial(setattr, task, leaf, value))
                 continue
             try:

@@ -49,6 +49,7 @@ from tp_controller.tasks import Task
 from tp_interfaces.msg import ControllerState
 
 if TYPE_CHECKING:
+    from tp_controller.ros.around import Around
     from tp_controller.ros.reach import ReachServer
 
 STATE_QUEUE_DEPTH = 100
@@ -157,6 +158,9 @@ class ControllerNode(ManagedNode):
         self._answered = False
         self._hold = Hold(self, self._settings, self.log, self._on_hold)
         self._reach: ReachServer | None = None
+        self._around: Around | None = None
+        self._rearranged = False
+        self._description_given = description
         self._later: Iterator[None] | None = self._begin_later()
         StackServices(self, self._settings, self._on_task_added, self._on_task_removed)
         self._state.msg.status = ControllerState.INACTIVE
@@ -181,18 +185,32 @@ class ControllerNode(ManagedNode):
 
         _ = tp_interfaces.action, rclpy.action
         yield
+        import tp_controller.planning.process
+
+        _ = tp_controller.planning.process
+        yield
+        from tp_controller.ros.around import Around
         from tp_controller.ros.reach import ReachServer
 
         yield
+        velocity, settings = self._commands.velocity, self._settings
+        self._around = Around(
+            settings, self._description_given, velocity, self.log, self._on_rearranged
+        )
+        if any(task.around for task in self._stack.tasks.values()):
+            self._around.prepare()
+        self._inputs.answered.follow(self._around)
         self._reach = ReachServer(
             self,
             self._stack,
             self._inputs,
             self._inputs.answered,
-            self._commands.velocity,
+            velocity,
             self.log,
             self._refuse_at_rest,
+            self._around,
         )
+        self._inputs.aimed = self._reach.watch
 
     def activate(self) -> None:
         """Answer joint states from now on, as at the start."""
@@ -342,6 +360,11 @@ class ControllerNode(ManagedNode):
         self._state.follow_tasks()
         self._markers.follow_tasks(self._stack.tasks.values())
 
+    def _on_rearranged(self) -> None:
+        """Show that other levels act; before the next step there is nothing to explain."""
+        self._state.follow_hierarchy()
+        self._rearranged = True
+
     def _on_hold(self) -> None:
         """Show at once that a hold has begun or ended, or that the arm has come to rest."""
         self._cycle.show_held()
@@ -447,6 +470,7 @@ class ControllerNode(ManagedNode):
             self._due = True
             return
         self._state.refresh(self._commands.velocity)
+        explain, self._rearranged = explain and not self._rearranged, False
         try:
             if explain and not self._cycle.refused:
                 self._state.explain(self._intake.waits)
@@ -460,7 +484,8 @@ class ControllerNode(ManagedNode):
         self._published = time.monotonic()
         changing = TRANSITION if self._stack.in_transition else ''
         idle = '' if self.active else INACTIVE
-        texts = (idle, self._hold.message, changing, self._warnings.message)
+        way = self._around.text if self._around is not None else ''
+        texts = (idle, self._hold.message, way, changing, self._warnings.message)
         self._state.msg.message = '; '.join(text for text in texts if text)
         self._state_publisher.publish(self._state.serialized())
 
@@ -496,6 +521,8 @@ class ControllerNode(ManagedNode):
 
     def _publish_markers(self) -> None:
         if self._state.msg.cycles and self._marker_publisher.get_subscription_count():
+            if self._around is not None:
+                self._markers.way = self._around.places
             self._marker_publisher.publish(self._markers.array(self.get_clock().now().to_msg()))
 
     def _look_around(self) -> None:

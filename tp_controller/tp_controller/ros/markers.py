@@ -50,6 +50,8 @@ class Markers:
         self._state = state
         self._paths: dict[str, deque[Point]] = {}
         self._shown: dict[str, int] = {}
+        self.way: NDArray[np.float64] = np.zeros((0, 3))
+        """Places (m, 3) [m] of a way around."""
         self.follow_tasks(tasks)
 
     def follow_tasks(self, tasks: Iterable[Task]) -> None:
@@ -83,6 +85,8 @@ class Markers:
         markers.append(
             self._marker(stamp, 'target', 0, Marker.SPHERE_LIST, targets, 2.0 * width, ORANGE)
         )
+        way = [_point(place) for place in self.way]
+        markers.append(self._marker(stamp, 'way', 0, Marker.LINE_STRIP, way, 0.5 * width, ORANGE))
         for i, task in enumerate(self._obstacles):
             if isinstance(task, WholeArmTask):
                 found = shape_markers(task.obstacle, pin.SE3.Identity())

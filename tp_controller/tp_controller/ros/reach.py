@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.explanation import Explanation, explanations
 from tp_controller.progress import Progress, Verdict
 from tp_controller.ros.answered_time import AnsweredTime
+from tp_controller.ros.around import Around, End
 from tp_controller.ros.codecs import codec_of
 from tp_controller.ros.log import Log
 from tp_controller.ros.task_inputs import TaskInputs
@@ -45,6 +47,8 @@ SILENT_FEEDBACK = 0.5
 """Time [s] between two feedback messages until then."""
 RESULT_KEPT = 10
 """Time [s] for which a result can be asked for."""
+TRIES = 2
+"""How often a goal that gets stuck on its straight way is tried around."""
 OUTCOMES = {
     Verdict.REACHED: Reach.Result.REACHED,
     Verdict.STUCK: Reach.Result.STUCK,
@@ -87,7 +91,7 @@ class _Goal:
     Parameters
     ----------
     handle
-        Its client's.
+        Its client's; None for a goal by topic, which nobody waits for.
     tasks
         What it is for; their targets are set.
     progress
@@ -97,9 +101,15 @@ class _Goal:
     """
 
     def __init__(
-        self, handle: ServerGoalHandle, tasks: Sequence[Task], progress: Progress, now: float
+        self,
+        handle: ServerGoalHandle | None,
+        tasks: Sequence[Task],
+        progress: Progress,
+        now: float,
     ) -> None:
         self.handle, self.tasks, self.progress = handle, tasks, progress
+        self.tries = TRIES if any(task.around for task in tasks) else 0
+        """How often it may still be tried around."""
         self.targets = [task.settings[0] for task in tasks]
         self.now = now
         self.cancelled = False
@@ -150,6 +160,8 @@ class ReachServer:
         Has one line at the end of each goal.
     refuse_at_rest
         Raises InvalidValue for the key that it is called with while the arm is kept at rest.
+    around
+        Goes ways around.
 
     Attributes
     ----------
@@ -166,8 +178,12 @@ class ReachServer:
         command: Vector,
         log: Log,
         refuse_at_rest: Callable[[str], None],
+        around: Around,
     ) -> None:
         self._refuse_at_rest = refuse_at_rest
+        self._around = around
+        self._goes_around: _Goal | None = None
+        """Goal that the excursion under way is for."""
         self._stack, self._inputs, self._release = stack, inputs, inputs.release
         self._answered, self._command, self._log = answered, command, log
         self._goals: list[_Goal] = []
@@ -186,6 +202,8 @@ class ReachServer:
     def look(self) -> None:
         """See how far the goals are; to be called after every answer while `active`."""
         self._seen = time.monotonic()
+        if self._around.active:
+            self._around.look()
         for goal in list(self._goals):
             self._see(goal)
         self._note_active()
@@ -213,7 +231,18 @@ class ReachServer:
 
     def close(self) -> None:
         """Serve no longer."""
+        self._around.close()
         self._server.destroy()
+
+    def watch(self, task: Task) -> None:
+        """Watch a goal that came by topic, to go around if it gets stuck."""
+        if task.around and self._stack.is_listed(task.name):
+            for other in [one for one in self._goals if task in one.tasks]:
+                self._replace(other, f'{task.name} got another target', [task])
+            progress = Progress([Reach.Goal().tolerance])
+            self._goals.append(_Goal(None, [task], progress, self._answered.now))
+            self._seen = self._spoken = time.monotonic()
+            self._note_active()
 
     def _note_active(self) -> None:
         self.active = bool(self._goals)
@@ -233,8 +262,12 @@ class ReachServer:
                 self._replace(other, f'a newer goal for {listed(sorted(shared))}', tasks)
         for task, target in zip(tasks, targets, strict=True):
             self._inputs.aim(task, target)
-        self._goals.append(_Goal(handle, tasks, progress, self._answered.now))
+        goal = _Goal(handle, tasks, progress, self._answered.now)
+        self._goals.append(goal)
         self._seen = self._spoken = time.monotonic()
+        if request.around:
+            goal.tries = TRIES
+            self._go_around(goal, straight=True)
         self._note_active()
 
     def _on_cancel(self, handle: ServerGoalHandle) -> CancelResponse:
@@ -253,8 +286,9 @@ class ReachServer:
             If a part of it cannot be used.
         """
         stack = self._stack
-        if request.around:
-            raise InvalidValue('around', 'true', 'false: no ways around obstacles are planned')
+        if request.around and stack.robot.space.blocks:
+            got = 'true for a robot with joints that have a pose'
+            raise InvalidValue('around', got, 'false, or an arm whose joints turn or slide')
         self._refuse_at_rest('goals')
         if not request.goals:
             raise InvalidValue('goals', 'none', 'one for each task')
@@ -285,7 +319,7 @@ class ReachServer:
             task = stack.tasks.get(name)
             got = shown(name) if task is None else f'{name}, which is of type {task.type}'
             raise InvalidValue('goals.task', got, f'one of {listed(able)}')
-        if stack.level_of(name) < 0:
+        if not stack.is_listed(name):
             got = f'{name}, which is not in the hierarchy and would never be reached'
             raise InvalidValue('goals.task', got, f'one of {listed(stack.hierarchy)}')
         return stack.tasks[name]
@@ -308,11 +342,13 @@ class ReachServer:
             return
         for task in goal.tasks:
             # A new task of the same name is another one.
-            listed = self._stack.level_of(task.name) >= 0
-            if not listed or self._stack.tasks[task.name] is not task:
+            if not self._stack.is_listed(task.name) or self._stack.tasks[task.name] is not task:
                 cause = f'{task.name} left the hierarchy'
                 self._finish(goal, Reach.Result.INTERRUPTED, cause)
                 return
+        if self._stack.stand_in is not None:
+            self._await(goal, now)
+            return
         if goal.verdict is None:
             errors = np.array([math.sqrt(task.error @ task.error) for task in goal.tasks])
             moving = bool(np.abs(self._command).max() > MOVING)
@@ -320,6 +356,10 @@ class ReachServer:
             goal.now = now
             if goal.verdict is Verdict.REACHED:
                 self._finish(goal, Reach.Result.REACHED, 'reached')
+                return
+            if goal.verdict is Verdict.STUCK and goal.tries:
+                goal.verdict = None
+                self._go_around(goal, straight=False)
                 return
             if goal.verdict is not None:
                 goal.explanation, goal.explain_at = None, now
@@ -331,6 +371,47 @@ class ReachServer:
         elif goal.verdict is None and now >= goal.feedback_at:
             goal.feedback_at = now + FEEDBACK_PERIOD
             self._tell(goal)
+
+    def _await(self, goal: _Goal, now: float) -> None:
+        """Let a goal wait while another task acts in place of its own."""
+        due = now >= goal.feedback_at
+        if due:
+            for task in goal.tasks:
+                # Nobody else does it.
+                task.update()
+        errors = np.array([math.sqrt(task.error @ task.error) for task in goal.tasks])
+        verdict = goal.progress.wait(max(0.0, now - goal.now), errors)
+        goal.now, goal.explanation, goal.lost = now, None, []
+        goal.explain_at = now + EXPLANATION_PERIOD
+        if verdict is not None:
+            goal.verdict = verdict
+            self._finish(goal, OUTCOMES[verdict], verdict.value)
+        elif due:
+            goal.feedback_at = now + FEEDBACK_PERIOD
+            self._publish(goal, '')
+
+    def _go_around(self, goal: _Goal, straight: bool) -> None:
+        """Look for a way to a goal, and go it."""
+        goal.tries -= 1
+        if self._goes_around is not None:
+            self._replace(self._goes_around, 'a newer goal that goes around')
+        names = goal.names
+        tolerances = dict(zip(names, goal.progress.tolerances, strict=True))
+        targets = dict(zip(names, goal.targets, strict=True))
+        try:
+            self._around.begin(targets, tolerances, straight, partial(self._went, goal))
+        except InvalidValue as error:
+            self._went(goal, End.NONE, str(error))
+            return
+        self._goes_around = goal
+
+    def _went(self, goal: _Goal, end: End, why: str) -> None:
+        """Go on straight after an excursion, or end a goal that no way leads to."""
+        self._goes_around = None
+        goal.progress.restart()
+        goal.explain_at = self._answered.now + EXPLANATION_PERIOD
+        if end is End.NONE:
+            self._finish(goal, Reach.Result.STUCK, 'stuck', why=why)
 
     def _explain(self, goal: _Goal) -> None:
         """Explain one level; after the last one take note of what holds the goal up."""
@@ -362,14 +443,19 @@ class ReachServer:
 
     def _publish(self, goal: _Goal, held_up_by: str) -> None:
         progress, pending = goal.progress, goal.pending
+        if goal.handle is None:
+            return
+        goes_around = goal is self._goes_around
+        time_left = progress.time_left(np.array([_gain(task) for task in goal.tasks]))
         goal.handle.publish_feedback(
             Reach.Feedback(
                 tasks=goal.names,
                 error_norms=progress.errors.tolist(),
                 causes=[lost.message() for lost in goal.lost if lost.task in pending],
                 held_up_by=held_up_by,
-                time_left=progress.time_left(np.array([_gain(task) for task in goal.tasks])),
+                time_left=self._around.time_left if goes_around else time_left,
                 time=progress.time,
+                phase=self._around.phase if goes_around else '',
             )
         )
 
@@ -392,9 +478,19 @@ class ReachServer:
     def _replace(self, goal: _Goal, cause: str, taken: Sequence[Task] = ()) -> None:
         self._finish(goal, Reach.Result.REPLACED, f'replaced: {cause}', taken)
 
-    def _finish(self, goal: _Goal, outcome: int, message: str, taken: Sequence[Task] = ()) -> None:
+    def _finish(
+        self,
+        goal: _Goal,
+        outcome: int,
+        message: str,
+        taken: Sequence[Task] = (),
+        why: str = '',
+    ) -> None:
         """End a goal; its tasks stay where they come to rest, but for those that others have."""
         self._goals.remove(goal)
+        if goal is self._goes_around:
+            self._goes_around = None
+            self._around.end()
         progress = goal.progress
         if outcome == Reach.Result.INTERRUPTED:
             message = f'interrupted: {message}'
@@ -402,11 +498,15 @@ class ReachServer:
         explained = outcome in (Reach.Result.STUCK, Reach.Result.TIMED_OUT)
         lost = goal.lost if explained else []
         if explained:
-            message += f': {self._reason(goal)}'
+            message += f': {why or self._reason(goal)}'
         if outcome != Reach.Result.REACHED:
             for task, target in zip(goal.tasks, goal.targets, strict=True):
                 if task not in taken and task.settings[0] is target:
                     self._release.begin(task)
+        if goal.handle is None:
+            if outcome == Reach.Result.STUCK:
+                self._log.warning(f'{", ".join(goal.names)}: {message}')
+            return
         if outcome == Reach.Result.REACHED:
             goal.handle.succeed()
         elif outcome == Reach.Result.CANCELLED:

@@ -39,6 +39,7 @@ def main() -> int:
     words = [_plain(word) for word in remove_ros_args(sys.argv)[1:]]
     parser = _parser()
     arguments = parser.parse_args(words)
+    arguments.wait |= arguments.around
     unused = (arguments.tolerance, arguments.time_limit) != (None, None)
     if unused and not arguments.wait:
         parser.error('--tolerance and --time-limit count with --wait')
@@ -77,7 +78,7 @@ def _wait(node: Node, arguments: argparse.Namespace) -> int:
     from tp_controller.ros.wait_for_goal import GoalWaiter
 
     one = TaskGoal(task=arguments.task, values=arguments.values, frame_id=arguments.frame)
-    goal = Reach.Goal(goals=[one])
+    goal = Reach.Goal(goals=[one], around=arguments.around)
     if arguments.tolerance is not None:
         goal.tolerance = arguments.tolerance
     if arguments.time_limit is not None:
@@ -113,7 +114,8 @@ def _parser() -> argparse.ArgumentParser:
         epilog='examples:\n'
         '  ros2 run tp_controller send_goal ee_position 1.0 0.5\n'
         '  ros2 run tp_controller send_goal ee_orientation 1.57\n'
-        '  ros2 run tp_controller send_goal ee_position 1.0 0.5 --wait --tolerance 0.001',
+        '  ros2 run tp_controller send_goal ee_position 1.0 0.5 --wait --tolerance 0.001\n'
+        '  ros2 run tp_controller send_goal ee_position 1.0 0.5 --around',
     )
     parser.add_argument('task', help='name of the task')
     parser.add_argument(
@@ -136,6 +138,11 @@ def _parser() -> argparse.ArgumentParser:
         '--wait',
         action='store_true',
         help='wait until it is reached (status 0) or cannot be (status 1); Ctrl-C cancels it',
+    )
+    parser.add_argument(
+        '--around',
+        action='store_true',
+        help='as --wait; where the straight way would get stuck, go a planned one',
     )
     parser.add_argument(
         '--tolerance', type=float, help='largest error norm that counts as reached (default: 0.01)'

@@ -121,6 +121,8 @@ class TaskInputs:
         """Topic that is looked at first."""
         self.active = False
         """Whether the node is active: a velocity that comes before may not wait for that."""
+        self.aimed: Callable[[Task], None] = _unwatched
+        """Called after a goal by topic."""
 
     def know_period(self, period: float) -> None:
         """Take over the time [s] of one cycle."""
@@ -233,6 +235,7 @@ class TaskInputs:
 
     def _on_goal(self, task: Task, msg: Any) -> None:
         self.aim(task, self.target_of(task, msg))
+        self.aimed(task)
 
     def aim(self, task: Task, target: np.ndarray) -> None:
         """Set and show a task's target (target_size,)."""
@@ -267,3 +270,7 @@ class TaskInputs:
         entry.rejected_goals += 1
         entry.message = f'{what} rejected: {problem}'
         self._warnings.warn(f'{task.name} {what}', f'{task.name}: {entry.message}')
+
+
+def _unwatched(_: Task) -> None:
+    """Nobody watches goals by topic."""

@@ -107,7 +107,9 @@ class GoalWaiter:
 
 def progress_line(feedback: Reach.Feedback) -> str:
     """Feedback in one line."""
-    text = f'{feedback.time:.1f} s: {_errors(feedback.tasks, feedback.error_norms)}'
+    text = f'{feedback.time:.1f} s: '
+    text += f'{feedback.phase}, ' if feedback.phase else ''
+    text += _errors(feedback.tasks, feedback.error_norms)
     if math.isfinite(feedback.time_left):
         text += f', about {feedback.time_left:.1f} s left'
     if feedback.held_up_by:

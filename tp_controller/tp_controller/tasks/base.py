@@ -60,6 +60,12 @@ COMMON: Mapping[str, Parameter] = {
         default=False,
         runtime=True,
     ),
+    'around': Parameter(
+        BOOLEAN,
+        'Whether a way around is looked for by itself when a goal gets stuck',
+        default=False,
+        runtime=True,
+    ),
     'target': Parameter(
         NUMBERS,
         'Desired value at start, that at the first joint state when left out; goals replace it',
@@ -116,6 +122,8 @@ class Task(ABC):
         Its share in a weighted sum of all tasks.
     time_scaling
         Whether the time of its trajectories runs slower while it is held up.
+    around
+        Whether a way around is looked for when a goal gets stuck.
     period
         Time [s] of one step, which gains are judged by; infinite if unknown.
     revision
@@ -152,6 +160,7 @@ class Task(ABC):
         self.inverse = Inverse()
         self.weight = 1.0
         self.time_scaling = False
+        self.around = False
         self.period = math.inf
         self._K: Matrix = np.eye(self.k)
         self._feedforward: Vector = np.zeros(self.k)

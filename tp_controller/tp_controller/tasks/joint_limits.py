@@ -64,7 +64,7 @@ class JointLimitsTask(SetBasedTask):
         'max': Parameter(NUMBERS, 'Upper end, in the same way'),
         **THRESHOLDS,
     }
-    without = ('target', 'time_scaling')
+    without = ('target', 'time_scaling', 'around')
     target_words = ''
 
     def __init__(
@@ -139,6 +139,16 @@ class JointLimitsTask(SetBasedTask):
     def target_components(self) -> tuple[str, ...]:
         """Nothing: there is no target."""
         return ()
+
+    @property
+    def coordinates(self) -> tuple[int, ...]:
+        """Which coordinate of a configuration each row is about (k,)."""
+        return tuple(self._indices.tolist())
+
+    @property
+    def ends(self) -> tuple[Vector, Vector]:
+        """Lower and upper ends (k,) [rad, m] of the ranges; copies."""
+        return self._lower.copy(), self._upper.copy()
 
     @property
     def current(self) -> Vector:

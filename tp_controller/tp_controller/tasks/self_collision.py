@@ -77,7 +77,7 @@ class SelfCollisionTask(ClearanceTask):
         ),
         **THRESHOLDS,
     }
-    without = ('target', 'time_scaling')
+    without = ('target', 'time_scaling', 'around')
     target_words = ''
 
     def __init__(
@@ -149,6 +149,11 @@ class SelfCollisionTask(ClearanceTask):
             self._loose[:] = near & (self.distance <= 0.0)
             self._any_waits = bool(near.any())
         return near
+
+    @property
+    def kept(self) -> Vector:
+        """Distance (k,) [m] that each row keeps; of rows that wait only that they do not touch."""
+        return np.where(self._waits, 0.0, super().kept)
 
     def measure(self) -> None:
         """Fill the distances of rows that may be in, and their derivative."""

@@ -305,6 +305,16 @@ class SetBasedTask(Task):
         """Whether any row acts."""
         return bool((self.acting if self.one_sided else self.on).any())
 
+    @property
+    def kept(self) -> Vector:
+        """Distance (k,) [m, rad] that each row keeps: the margin, or where hysteresis begins."""
+        return np.full(self.k, self.margin if self.one_sided else self.activation)
+
+    @property
+    def slope(self) -> Matrix:
+        """Derivative (k, n) of the distances, filled by `measure`; not to be written to."""
+        return self._slope
+
     def leave(self) -> None:
         """Let every row go out, as outside the hierarchy."""
         self.on[:] = self.acting[:] = False

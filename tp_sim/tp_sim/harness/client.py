@@ -267,6 +267,7 @@ class Client:
         tolerance: float | None = None,
         time_limit: float = 0.0,
         frame: str = '',
+        around: bool = False,
     ) -> ReachCall:
         """Send a goal to ``~/reach`` and wait until the controller has taken it.
 
@@ -280,11 +281,13 @@ class Client:
             Time [s] after which it is given up; 0 for none.
         frame
             Frame that the values are given in; empty for the base frame.
+        around
+            Whether a way around is looked for.
         """
         if self._reach_client is None:
             self._reach_client = ActionClient(self.node, Reach, 'tp_controller/reach')
         self.wait_for(self._reach_client.server_is_ready, 'the action reach')
-        goal = Reach.Goal(time_limit=time_limit)
+        goal = Reach.Goal(time_limit=time_limit, around=around)
         goal.goals = [
             TaskGoal(task=name, values=[float(value) for value in values], frame_id=frame)
             for name, values in goals.items()

@@ -235,6 +235,7 @@ class ClosedLoop:
         tolerance: float | None = None,
         time_limit: float = 0.0,
         frame: str = '',
+        around: bool = False,
     ) -> Reach.Result:
         """Run until goals are reached or cannot be; see `Client.start_reach`.
 
@@ -243,7 +244,7 @@ class ClosedLoop:
         HarnessError
             If a node dies or a cycle is lost.
         """
-        return self.finish(self.client.start_reach(goals, tolerance, time_limit, frame))
+        return self.finish(self.client.start_reach(goals, tolerance, time_limit, frame, around))
 
     def finish(self, call: ReachCall) -> Reach.Result:
         """Run until a goal that was sent has ended."""
