@@ -123,7 +123,7 @@ class Cycle:
         self._unanswered = 0
         self._braked = self._moved = -math.inf
         self._last: Arrival | None = None
-        """What was answered last, copies of states included."""
+        """What came last of the state that was answered; None if braking came instead."""
         self._copied: Arrival | None = None
         """The first of it to be answered by motion, if copies of it came; else None."""
         self._step_time: float | None = None
@@ -137,6 +137,9 @@ class Cycle:
     def _use_rate(self, rate: float | None) -> None:
         self._period = 1.0 / rate if rate else math.inf
         self._lateness = Lateness(self._period)
+        # Longer than between the states of a driver, shorter than a simulation waits.
+        slow = 1.3 * self._period if rate else 0.0
+        self._dense = min(max(0.5 * self._limit, slow), 0.95 * self._limit)
         self._rate_check = RateCheck(rate) if rate else None
         self.braking_period = self._period if rate else BRAKING_PERIOD
         """Time [s] between commands of braking."""
@@ -218,14 +221,14 @@ class Cycle:
         watch = self._watch
         if not (watch.is_resend(arrival) and watch.of_wall_clock(arrival)):
             return False
-        last = self._last
-        if self._copied is None and self.running and last is not None:
-            near = watch.between(last, arrival) < self._limit
-            if near and self._commands.velocity.any() and self._commands.heard:
-                self._copied = last
+        before, self._last = self._last, arrival
+        if before is None or watch.between(before, arrival) > self._dense:
+            self._copied = None
+        elif self._copied is None and self._commands.velocity.any() and self._commands.heard:
+            self._copied = before
         if self._copied is None:
             return False
-        if self.running and watch.between(self._copied, arrival) <= self._limit:
+        if self.running and watch.between(self._copied, arrival) <= 0.9 * self._limit:
             return False
         # Nothing has been seen of the arm: braking has to begin.
         self._last_seen = -math.inf
@@ -382,6 +385,8 @@ class Cycle:
             command = self._reference.brake()
         self._commands.send(command)
         self._note_answer(arrival, False, step_time)
+        # Who waits for an answer has got none.
+        self._last = None
 
     def _elapsed(self, arrival: Arrival) -> float:
         """Time [s] since the state that was answered before; since braking if that came after.
