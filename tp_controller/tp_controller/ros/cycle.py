@@ -126,6 +126,8 @@ class Cycle:
         """What came last of the state that was answered; None if braking came instead."""
         self._copied: Arrival | None = None
         """The first of it to be answered by motion, if copies of it came; else None."""
+        self._stood = False
+        """Whether copies have come for too long: only a new state is answered then."""
         self._step_time: float | None = None
         self._last_seen = self._looked = time.monotonic()
         self._refused = 0
@@ -221,6 +223,8 @@ class Cycle:
         watch = self._watch
         if not (watch.is_resend(arrival) and watch.of_wall_clock(arrival)):
             return False
+        if self._stood:
+            return True
         before, self._last = self._last, arrival
         if before is None or watch.between(before, arrival) > self._dense:
             self._copied = None
@@ -232,6 +236,7 @@ class Cycle:
             return False
         # Nothing has been seen of the arm: braking has to begin.
         self._last_seen = -math.inf
+        self._stood = True
         return True
 
     def _measure(self, arrival: Arrival) -> None:
@@ -345,7 +350,7 @@ class Cycle:
         self._last = arrival
         if not again:
             self._watch.answered(arrival)
-            self._copied = None
+            self._copied, self._stood = None, False
         followed = self._stack.arm if self._reference is None else self._reference
         if notice := followed.notice:
             self._warnings.warn('arm', f'{notice}: the arm is braked')
