@@ -247,3 +247,20 @@ def test_what_cannot_be_used_is_one_line_and_leaves_no_file(tmp_path):
     assert result.returncode == 1, result.stderr
     assert 'record: no state of /nobody, no file' in result.stderr
     assert [path.name for path in tmp_path.iterdir()] == ['there.mcap']
+
+
+@pytest.mark.parametrize(
+    'arguments', [['--seconds', 'abc'], ['--seconds', '0'], ['--controller', 'a b']]
+)
+def test_arguments_that_cannot_be_used_are_told_in_one_line(arguments, tmp_path):
+    file = tmp_path / 'run.mcap'
+    process = subprocess.run(
+        [executable_path('tp_controller', 'record'), str(file), *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert process.returncode == 2
+    assert process.stderr.startswith('record: ')
+    assert process.stderr.count('\n') == 1
+    assert not file.exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from typing import NoReturn
 
 REFUSED = 2
@@ -15,3 +16,14 @@ class OneLineParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """End with `REFUSED`."""
         self.exit(REFUSED, f'{self.prog}: {message} (--help lists the options)\n')
+
+
+def positive_time(text: str) -> float:
+    """Time [s] that an argument names."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number above 0')
+    return value

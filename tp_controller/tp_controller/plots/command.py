@@ -6,14 +6,12 @@ import argparse
 import sys
 from pathlib import Path
 
-from tp_controller.command_line import OneLineParser
+from tp_controller.command_line import REFUSED, OneLineParser
 from tp_controller.errors import TaskPriorityError
 from tp_controller.plots.animation import check_animation, draw_animation
 from tp_controller.plots.report import draw_plots, run_and_stack
 from tp_controller.plots.style import FORMATS
 from tp_controller.recording import Recording
-
-REFUSED = 2
 
 
 def main() -> int:

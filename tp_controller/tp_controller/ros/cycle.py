@@ -198,8 +198,8 @@ class Cycle:
                 self._state.ignored_states += older + 1
                 self._warnings.warn(
                     'old states',
-                    'joint state ignored: the same one, stamp and all, comes again '
-                    f'and again, for more than {self._limit:g} s',
+                    'joint state ignored: the same one, stamp and all, comes again and again '
+                    'while the arm is moved by it',
                 )
                 return None
             try:
@@ -217,8 +217,8 @@ class Cycle:
     def _stands(self, arrival: Arrival) -> bool:
         """Whether copies of one state have come for too long while the arm is moved by it.
 
-        One after another, that is: a simulation which waits may show a state again after a while.
-        Nobody has moved by commands that nobody hears.
+        Copies count if one comes soon after the other: a simulation that waits for its answer may
+        show a state again after a while. Commands count if somebody listens to them.
         """
         watch = self._watch
         if not (watch.is_resend(arrival) and watch.of_wall_clock(arrival)):

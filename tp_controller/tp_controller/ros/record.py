@@ -11,17 +11,18 @@ import time
 from pathlib import Path
 
 import rclpy
-from rclpy.exceptions import InvalidTopicNameException
+from rclpy.exceptions import NameValidationException
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
+from rclpy.validate_topic_name import validate_topic_name
 
-from tp_controller.command_line import OneLineParser
+from tp_controller.command_line import REFUSED, OneLineParser, positive_time
 from tp_controller.errors import InvalidValue
 from tp_controller.recording import Contents, RecordingWriter
 from tp_controller.ros.arguments import one_line
 from tp_controller.ros.recorder import Recorder
 
-NOTHING_SEEN, REFUSED = 1, 2
+NOTHING_SEEN = 1
 PERIOD = 0.005
 """Time [s] between two looks for messages."""
 
@@ -46,7 +47,7 @@ def main() -> int:
         return _refuse(one_line(error))
     node = rclpy.create_node(f'tp_record_{os.getpid()}', start_parameter_services=False)
     try:
-        node.resolve_topic_name(given.controller)
+        validate_topic_name(given.controller)
         with RecordingWriter(given.file, given.overwrite) as writer:
             recorder = Recorder(node, given.controller, writer)
             print(f'record: {recorder.controller} into {given.file}, Ctrl-C ends it', flush=True)
@@ -55,8 +56,10 @@ def main() -> int:
                 writer.discard()
                 print(f'record: no state of {recorder.controller}, no file', file=sys.stderr)
                 return NOTHING_SEEN
-    except (InvalidValue, InvalidTopicNameException) as error:
+    except InvalidValue as error:
         return _refuse(str(error))
+    except NameValidationException as error:
+        return _refuse(one_line(error))
     finally:
         node.destroy_node()
         rclpy.try_shutdown()
@@ -98,17 +101,13 @@ def _parser() -> argparse.ArgumentParser:
         '--controller', default='tp_controller', help='name of the node (default: %(default)s)'
     )
     parser.add_argument(
-        '--seconds', type=_time, default=math.inf, help='time [s] after which it ends by itself'
+        '--seconds',
+        type=positive_time,
+        default=math.inf,
+        help='time [s] after which it ends by itself',
     )
     parser.add_argument('--overwrite', action='store_true', help='replace a file that is there')
     return parser
-
-
-def _time(text: str) -> float:
-    value = float(text)
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f'{text}: a number above 0')
-    return value
 
 
 def _refuse(message: str) -> int:

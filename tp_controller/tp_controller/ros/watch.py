@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import signal
 import sys
@@ -16,7 +15,7 @@ from rclpy.utilities import remove_ros_args
 from rich.console import Console
 from rich.live import Live
 
-from tp_controller.command_line import OneLineParser
+from tp_controller.command_line import OneLineParser, positive_time
 from tp_controller.ros.arguments import one_line
 from tp_controller.ros.cycle import ANSWERING
 from tp_controller.ros.watch_table import render
@@ -81,26 +80,16 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         '--timeout',
-        type=_time,
+        type=positive_time,
         default=5.0,
         help='time [s] that --once waits for a controller (default: %(default)s)',
     )
     parser.add_argument(
         '--period',
-        type=_time,
+        type=positive_time,
         help=f'time [s] between two tables (default: {PERIOD}; {PLAIN_PERIOD} in a file or pipe)',
     )
     return parser
-
-
-def _time(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f'{text!r} is not a number above 0')
-    return value
 
 
 def _refuse(message: str) -> int:
