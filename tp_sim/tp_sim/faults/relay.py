@@ -144,14 +144,16 @@ class Relay:
 
     def _send_due(self) -> None:
         while self._due and self._due[0][0] <= time.time():
-            _, _, delivery = heapq.heappop(self._due)
+            due, _, delivery = heapq.heappop(self._due)
+            now = time.time()
             stamp, origin = delivery.msg.header.stamp, delivery.origin
             assert origin is not None
             self.sent.append(
                 Sent(
                     stamp.sec * 1_000_000_000 + stamp.nanosec,
-                    time.time(),
-                    delivery.taken,
+                    now,
+                    # What the relay holds back makes data old; that it runs late does not.
+                    delivery.taken + now - due,
                     delivery.usable,
                     origin.velocity,
                 )
