@@ -148,6 +148,15 @@ def test_a_joint_that_was_blocked_may_start_from_standstill():
     assert wrong(sent, commands) == []
 
 
+@pytest.mark.parametrize(('excess', 'allowed'), [(0.005, True), (0.02, False)])
+def test_the_velocity_of_a_joint_that_does_something_else_is_known_less_exactly(excess, allowed):
+    sent, commands = conversation(RAMP)
+    sent[40] = sent[40]._replace(velocity=(0.5, 0.0))
+    commands[40] = commands[40]._replace(velocity=(0.5 - (1.0 + excess) * STEP, 0.0))
+    found = judge(sent[:41], commands[:41], ALLOWED).wrong
+    assert found == ([] if allowed else ['command 40 changes by 1.01 of the limit'])
+
+
 def passed(disturbance, count=40):
     """Numbers of the joint states that come out, with delays, and what is unusable."""
     out = []

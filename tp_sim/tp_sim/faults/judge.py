@@ -18,6 +18,9 @@ TOLERANCE = 1e-9
 """Share of a limit that rounding may add."""
 SLACK = 1e-6
 """The same of the change, whose limit comes from times."""
+MEASURED = 0.01
+"""Share of a step by which the velocity of a joint that does something else than its command may
+be seen otherwise: in positions say."""
 STILL = 1e-6
 """A command below this share of the velocity limit moves nothing."""
 EARLY = 1e-3
@@ -148,7 +151,9 @@ def judge(
         if not mixed:
             span = max(allowed.period, min(gap, allowed.hold))
             moving = before if state is None else np.array(state.velocity)
-            low, high = np.minimum(before, moving), np.maximum(before, moving)
+            step = allowed.acceleration * allowed.period
+            unsure = np.where(np.abs(moving - before) > step, MEASURED * step, 0.0)
+            low, high = np.minimum(before, moving - unsure), np.maximum(before, moving + unsure)
             change = np.abs(u - np.clip(u, low, high)) / (allowed.acceleration * span)
             found.change = max(found.change, float(change.max()))
             if change.max() > 1.0 + SLACK:
