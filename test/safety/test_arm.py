@@ -248,14 +248,16 @@ def test_a_joint_that_may_hold_a_command_still_stops(seed):
     distance = 10.0 ** rng.uniform(-3, 1)
     held = np.sort(rng.uniform(0.0, 0.1, rng.integers(1, 8)) * distance / dt)[::-1].copy()
     held *= rng.integers(0, 2)
-    speed = held_speed(distance, change, dt, dt, held)
+    speed = held_speed(distance, change, dt, dt, held[:, None].copy(), 0, 1.0)
+    opposite = held_speed(distance, change, dt, dt, -held[:, None], 0, -1.0)
+    assert opposite == speed
     way, v = dt * float(np.maximum(held, speed).sum()), speed - change
     while v > 0.0:
         way, v = way + dt * v, v - change
     if dt * held.sum() <= distance:
         assert way <= distance * (1.0 + 1e-9)
         assert way >= distance * (1.0 - 1e-6) or speed == 0.0
-    assert held_speed(distance, change, dt, dt, np.zeros(0)) >= speed
+    assert held_speed(distance, change, dt, dt, np.zeros((0, 1)), 0, -1.0) >= speed
 
 
 def test_an_arm_that_is_not_ideal_needs_a_rate():

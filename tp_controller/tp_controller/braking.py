@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from tp_controller.array_types import COLUMN, FIXED
-from tp_controller.compiled import boolean, float64, int64, njit, void
+from tp_controller.array_types import COLUMN, FIXED, ROWS
+from tp_controller.compiled import boolean, float64, inner, int64, njit, void
 
 ROUNDING = 1e-9
 """Distance [rad, m] from the end of a range at which a joint stops."""
@@ -48,7 +48,7 @@ def viable_speed(distance, change, dt):  # type: ignore[no-untyped-def]
     return distance / (k * dt) + 0.5 * change * (k - 1.0)
 
 
-@njit(cache=True)
+@inner
 def _return_speed(outside, speed, dt):  # type: ignore[no-untyped-def]
     wanted = RETURN * speed if math.isfinite(speed) else RETURN * outside / dt
     return min(wanted, outside / dt)
@@ -141,8 +141,8 @@ def approach(wish, before, acceleration, dt, lower, upper, out):  # type: ignore
         out[i] = min(max(value, lower[i]), upper[i])
 
 
-@njit(float64(float64, float64, float64, float64, COLUMN), cache=True)
-def held_speed(distance, change, dt, period, held):  # type: ignore[no-untyped-def]
+@njit(float64(float64, float64, float64, float64, ROWS, int64, float64), cache=True)
+def held_speed(distance, change, dt, period, held, joint, sign):  # type: ignore[no-untyped-def]
     """As `viable_speed` where a command may be held for so many steps more.
 
     A joint that goes on with the fastest of the commands that it may be at, for as long as it
@@ -155,25 +155,27 @@ def held_speed(distance, change, dt, period, held):  # type: ignore[no-untyped-d
         As `viable_speed`.
     period
         Time [s] between commands that are not late; ``dt`` may be longer.
-    held
-        Largest velocity (h,) towards the end among the commands before the next one that the
-        joint may still be at in each of the next steps.
+    held, joint, sign
+        Velocities (h, n), of which joint, and the direction of the end, 1 or -1: the largest
+        velocity towards the end among the commands before the next one that the joint may still
+        be at in each of the next steps.
     """
-    if held.size == 0:
+    steps = held.shape[0]
+    if steps == 0:
         return viable_speed(distance, change, dt)
     if distance <= 0.0:
         return 0.0
     if not math.isfinite(distance):
         return math.inf
     # Steps that are late are held for no longer than others.
-    span = max(period, dt / held.size)
-    low, high = 0.0, distance / (span * held.size)
+    span = max(period, dt / steps)
+    low, high = 0.0, distance / (span * steps)
     for trial in range(60):
         # The highest first: without faster commands before it is often the answer.
         speed = high if trial == 0 else 0.5 * (low + high)
         way, rest = 0.0, max(speed - change, 0.0)
-        for s in range(held.size):
-            way += span * max(held[s], speed)
+        for s in range(steps):
+            way += span * max(sign * held[s, joint], speed)
         if rest > 0.0:
             k = math.ceil(rest / change)
             way += dt * (k * rest - 0.5 * k * (k - 1.0) * change)
@@ -199,8 +201,8 @@ def held_speed(distance, change, dt, period, held):  # type: ignore[no-untyped-d
         FIXED,
         COLUMN,
         COLUMN,
-        float64[:, ::1],
-        float64[:, ::1],
+        ROWS,
+        ROWS,
         COLUMN,
         COLUMN,
         COLUMN,
@@ -247,8 +249,8 @@ def bound_late(  # type: ignore[no-untyped-def]
         change = acceleration[i] * dt
         above = position_max[i] - upper[i] - ROUNDING
         below = lower[i] - position_min[i] - ROUNDING
-        high = held_speed(above, change, dt, period, held_upper[:, i].copy())
-        low = -held_speed(below, change, dt, period, -held_lower[:, i])
+        high = held_speed(above, change, dt, period, held_upper, i, 1.0)
+        low = -held_speed(below, change, dt, period, held_lower, i, -1.0)
         out = p[i] - position_max[i] - 2.0 * noise[i] - ROUNDING
         if out > 0.0:
             high = -_return_speed(out, speed[i], dt)

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import fcntl
 import importlib
+import inspect
 import os
 import shutil
 import tempfile
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -89,13 +91,26 @@ def _compile(paths: list[Path], folder: Path) -> None:
         found = [(made, types) for made, types in compiled.collected if made.__module__ == name]
         for function, types in found:
             signature = types[0] if isinstance(types, list) else types
-            library.export(function.__name__, signature)(function)
+            library.export(function.__name__, signature)(_caller(function))
         if found:
             library.output_dir, library.output_file = (
                 str(folder),
                 f'{compiled.part_name(name)}{compiled.SUFFIX}',
             )
             library.compile()
+
+
+def _caller(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Function that calls another one, compiled as lean as inner ones.
+
+    Exported functions themselves have to count their arguments.
+    """
+    lean = importlib.import_module('numba').njit(**compiled.LEAN)(function)
+    names = ', '.join(inspect.signature(function).parameters)
+    scope: dict[str, Any] = {'lean': lean}
+    exec(f'def {function.__name__}({names}):\n    return lean({names})', scope)
+    caller: Callable[..., Any] = scope[function.__name__]
+    return caller
 
 
 def _module(path: Path) -> str:

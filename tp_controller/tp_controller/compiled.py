@@ -35,6 +35,10 @@ LEVEL = 'x86-64-v3'
 NEEDED = 'abm avx avx2 bmi1 bmi2 cx16 f16c fma lahf_lm movbe popcnt sse4_1 sse4_2 ssse3 xsave'
 """What that level consists of, by the names of /proc/cpuinfo."""
 
+LEAN: dict[str, Any] = {'_nrt': False, 'error_model': 'numpy'}
+"""Options of numba for functions that make no arrays: views of arrays are not counted, which takes
+a third of the time of small matrices, and a division by zero is infinite."""
+
 COMPILING = 'TP_CONTROLLER_COMPILING'
 """Variable of the environment of processes that make the library."""
 
@@ -168,7 +172,7 @@ def part_name(name: str) -> str:
 
 def inner(function: Callable[..., Any]) -> Any:
     """Decorate a function without a signature that compiled ones call, and Python never does."""
-    return njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)(function)
+    return njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, **LEAN)(function)
 
 
 class _AnyType:

@@ -719,12 +719,12 @@ class Stack:
             positions are finite the error has a command: braking.
         """
         # The sum of what is finite may overflow: it is only quicker.
-        if not (math.isfinite(np.add.reduce(q)) or np.isfinite(q).all()):
+        if not (math.isfinite(sum(q.tolist())) or np.isfinite(q).all()):
             self._refuse(q)
         if not self.safety_filter.take(q, elapsed, qd):
             self._wish[:] = 0.0
             self.safety_filter.brake(self._qd)
-            np.dot(self._J, self._qd, out=self._achieved)
+            self._J.dot(self._qd, out=self._achieved)
             raise UnusableState(self.arm.notice, self._command)
         self.robot.update(self.arm.reference)
         for task in self._unaimed:
@@ -758,7 +758,7 @@ class Stack:
             self.safety_filter.transition.give_way()
         self._qd[:] = self._wish
         self.safety_filter.pass_on(self._qd)
-        np.dot(self._J, self._qd, out=self._achieved)
+        self._J.dot(self._qd, out=self._achieved)
         return Step(self._command, scale, self._results)
 
     def _keep_distances(self) -> None:
@@ -799,7 +799,7 @@ class Stack:
             self.safety_filter.pass_on(self._qd)
         else:
             self.safety_filter.brake(self._qd)
-        np.dot(self._J, self._qd, out=self._achieved)
+        self._J.dot(self._qd, out=self._achieved)
         return Step(self._command, 1.0, self._results)
 
     def _fill(self) -> None:
@@ -865,7 +865,7 @@ class Stack:
         if q is not None:
             self.safety_filter.take(q, elapsed, qd)
         self.safety_filter.brake(self._qd, elapsed if q is None else None)
-        np.dot(self._J, self._qd, out=self._achieved)
+        self._J.dot(self._qd, out=self._achieved)
         return self._command
 
     def rest(self) -> None:

@@ -166,7 +166,7 @@ class HQPSolver(Solver):
         self._inside[:] = velocity
         recursion.resolve(J, self._inside, bounds, qd, curvature, True, wanted)
         self._free[:], self._slowed[self.n :] = recursion.free, recursion.slowed
-        np.dot(J, self._free, out=self._moved)
+        J.dot(self._free, out=self._moved)
         velocity[:] = recursion.slowed
         asked = self._asked
         asked[:] = velocity
@@ -193,14 +193,14 @@ class HQPSolver(Solver):
         self.proven = self.problem.solve(J, asked, self._lower, self._upper, qd)
         problem, rows = self.problem, self._one_sided
         if not (self._damped and self._pass_again(J, velocity, bounds, qd, curvature)):
-            np.dot(J, qd, out=self._moved)
+            J.dot(qd, out=self._moved)
         if rows.size:
             stops = problem.stopped_rows[rows] >= 0
             self.acting[rows] = stops | (self._moved[rows] < velocity[rows] - BROKEN)
         # The smallest norm, a level below all, asks for nothing.
         count = len(self._groups)
         if any(0 <= level < count for level in problem.stopped_joints.tolist()):
-            self._note_shares(asked)
+            self._second.note_shares(asked, self._moved, self._equal, self._starts, self._shares)
         return min(self._shares.tolist(), default=1.0)
 
     def _settle(self, J: Matrix, velocity: Vector, qd: Vector) -> bool:
@@ -286,12 +286,12 @@ class HQPSolver(Solver):
             return False
         if found < 0:
             raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
-        np.dot(J, self._free, out=self._moved)
+        J.dot(self._free, out=self._moved)
         if found == second.ONE and self._suits(J, velocity - BROKEN, bounds):
             qd[:] = self._free
         else:
             self.proven = problem.solve(J, self._again, self._lower, self._upper, qd)
-            np.dot(J, qd, out=self._moved)
+            J.dot(qd, out=self._moved)
         # What stopped the first pass is in what the second asks for, and stops nothing there.
         second.merge(
             problem.stopped_rows,
@@ -317,12 +317,3 @@ class HQPSolver(Solver):
             return True
         broken = rows[~(self._moved[rows] >= velocity[rows])]
         return not (broken.size and J[broken].any())
-
-    def _note_shares(self, asked: Vector) -> None:
-        wish = asked * self._equal
-        first = self._starts[:-1]
-        sizes = np.add.reduceat(wish * wish, first)
-        np.divide(
-            np.add.reduceat(wish * self._moved, first), sizes, out=self._shares, where=sizes > 0.0
-        )
-        np.clip(self._shares, 0.0, 1.0, out=self._shares)

@@ -155,3 +155,19 @@ def merge(  # type: ignore[no-untyped-def]
     for i in range(joints.size):
         if joints[i] < 0 and not lower[i] + ROUNDING < qd[i] < upper[i] - ROUNDING:
             joints[i] = was_joints[i]
+
+
+@njit(void(COLUMN, COLUMN, boolean[::1], int64[::1], COLUMN), cache=True)
+def note_shares(asked, moved, equal, starts, shares):  # type: ignore[no-untyped-def]
+    """Fill the share (levels,) of what the equal rows (K,) of each level ask for that they get.
+
+    From 0 to 1; a level that asks for nothing keeps what it has.
+    """
+    for level in range(shares.size):
+        size = along = 0.0
+        for r in range(starts[level], starts[level + 1]):
+            if equal[r]:
+                size += asked[r] * asked[r]
+                along += asked[r] * moved[r]
+        if size > 0.0:
+            shares[level] = min(max(along / size, 0.0), 1.0)

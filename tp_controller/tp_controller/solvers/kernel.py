@@ -183,7 +183,8 @@ def _aim(  # type: ignore[no-untyped-def]
     found = LOSES
     if slow:
         # Its gain term alone, from standstill.
-        answers[3] = answers[1]
+        for j in range(m):
+            answers[3, j] = answers[1, j]
         found = NOTHING
         if settling != PLAIN:
             found = settle(
@@ -211,10 +212,9 @@ def _aim(  # type: ignore[no-untyped-def]
             for i in range(k):
                 sides[0, i] -= excess * sides[1, i]
                 velocity[int(order[i])] -= excess * sides[1, i]
-        if found == LOSES:
-            answers[3] = answers[1]
+        gain_term = answers[1] if found == LOSES else answers[3]
         for j in range(m):
-            answers[0, j] += (1.0 - excess) * answers[3, j] - answers[1, j]
+            answers[0, j] += (1.0 - excess) * gain_term[j] - answers[1, j]
     if settling == PLAIN:
         return rank, NOTHING
     if found == LOSES:
@@ -427,7 +427,8 @@ def recur(  # type: ignore[no-untyped-def]
     verdicts = work[VERDICTS]
     verdicts[: starts.size] = NOTHING
     work[NEEDED] = 0.0
-    velocity[:] = asked
+    for r in range(asked.size):
+        velocity[r] = asked[r]
     for c in range(n):
         qd[c] = min(max(before[c], low[c]), high[c]) if bounded else 0.0
         for j in range(n):
@@ -511,11 +512,11 @@ def recur(  # type: ignore[no-untyped-def]
             )  # fmt: skip
         if settling != PLAIN:
             for i in range(full):
-                taken[count], rows[count], lengths[count] = (
-                    own_taken[i],
-                    own_rows[i],
-                    own_lengths[i],
-                )
+                for c in range(n):
+                    taken[count, c] = own_taken[i, c]
+                for r in range(asked.size):
+                    rows[count, r] = own_rows[i, r]
+                lengths[count] = own_lengths[i]
                 count += 1
         if m == 0 and not bounded:
             break

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from tp_controller.array_types import COLUMN, CUBE, ROWS
-from tp_controller.compiled import boolean, int32, int64, njit
+from tp_controller.compiled import boolean, inner, int32, int64, njit
 from tp_controller.solvers.directions import STILL
 
 ENDLESS = 1e30
@@ -27,7 +27,7 @@ CHOICES = boolean[::1]
 PLACES = int64[::1]
 
 
-@njit(cache=True)
+@inner
 def seen(row, N, m, out):  # type: ignore[no-untyped-def]
     """Write a row (n,) in coordinates of the basis to ``out`` (m,); return its square there."""
     square = 0.0
@@ -40,7 +40,7 @@ def seen(row, N, m, out):  # type: ignore[no-untyped-def]
     return square
 
 
-@njit(cache=True)
+@inner
 def along(row, x):  # type: ignore[no-untyped-def]
     """Product of a row (n,) and a velocity (n,)."""
     total = 0.0
@@ -49,13 +49,13 @@ def along(row, x):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True)
+@inner
 def squared(row):  # type: ignore[no-untyped-def]
     """Square of the length of a row."""
     return along(row, row)
 
 
-@njit(cache=True)
+@inner
 def _level_out(B, b, k, m):  # type: ignore[no-untyped-def]
     """Turn k rows (m,) of B and their right sides b until all rows have the same length.
 
@@ -95,13 +95,13 @@ def _level_out(B, b, k, m):  # type: ignore[no-untyped-def]
         b[i], b[low] = b[low], b[i]
 
 
-@njit(cache=True)
+@inner
 def _moves(square, row):  # type: ignore[no-untyped-def]
     """Whether the freedom moves a row, by its square there."""
     return square > STILL * STILL and square > SHORT * SHORT * squared(row)
 
 
-@njit(cache=True)
+@inner
 def _filled(J, starts, N, m, level, spare):  # type: ignore[no-untyped-def]
     count = 0
     for r in range(starts[level], starts[level + 1]):
@@ -110,7 +110,7 @@ def _filled(J, starts, N, m, level, spare):  # type: ignore[no-untyped-def]
     return count
 
 
-@njit(cache=True)
+@inner
 def _mixed(J, starts, one_sided, N, m, level, spare):  # type: ignore[no-untyped-def]
     """Whether a level has one-sided rows beside others of another kind or length.
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from tp_controller.array_types import COLUMN, CUBE, ROWS
-from tp_controller.compiled import boolean, float64, njit
+from tp_controller.compiled import boolean, float64, inner, njit
 from tp_controller.solvers.directions import STILL, invert, reduce
 from tp_controller.solvers.lexicographic_arrange import (
     CHOICES,
@@ -51,7 +51,7 @@ def begin(J, velocity, basis, work, state, joints, rows):  # type: ignore[no-unt
     return finite
 
 
-@njit(cache=True)
+@inner
 def _solve(G, h, k):  # type: ignore[no-untyped-def]
     """Solve G h = h (k,) for a positive matrix of unit diagonal; return whether it is one."""
     for i in range(k):
@@ -75,7 +75,7 @@ def _solve(G, h, k):  # type: ignore[no-untyped-def]
     return True
 
 
-@njit(cache=True)
+@inner
 def _cone(C, count, m, g, weights, G, h, free):  # type: ignore[no-untyped-def]
     """Non-negative weights of unit rows C (count, m) whose sum is nearest to g (m,).
 
@@ -151,7 +151,7 @@ def _cone(C, count, m, g, weights, G, h, free):  # type: ignore[no-untyped-def]
     return math.sqrt(squared(g))
 
 
-@njit(cache=True)
+@inner
 def _step(J, order, k, right, smallest, x, N, m, spare, answers, B, W, U, S):  # type: ignore[no-untyped-def]
     """Add the least squares of rows to x, take them out of the basis; return its new size."""
     n = x.size

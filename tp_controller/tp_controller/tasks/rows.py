@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 
 from tp_controller.array_types import COLUMN, CUBE, FIXED, ROWS
-from tp_controller.compiled import boolean, int64, njit, void
+from tp_controller.compiled import boolean, inner, int64, njit, void
 from tp_controller.tasks.parts import (
     AXES,
     AXIS,
@@ -38,7 +38,7 @@ STRAIGHT = 1e-12
 """Square of an image's length in the plane below which a heading has no derivative."""
 
 
-@njit(cache=True)
+@inner
 def rotation_vector(Q, out):  # type: ignore[no-untyped-def]
     """Fill the rotation vector (3,) [rad] of a rotation (3, 3), its logarithm of length up to pi.
 
@@ -73,7 +73,7 @@ def rotation_vector(Q, out):  # type: ignore[no-untyped-def]
         out[i] *= scale
 
 
-@njit(cache=True)
+@inner
 def tilt(Q, axis, carried, out):  # type: ignore[no-untyped-def]
     """Fill the shortest rotation that leaves of a rotation error only a turn about one axis.
 
@@ -111,7 +111,7 @@ def tilt(Q, axis, carried, out):  # type: ignore[no-untyped-def]
         out[i] = math.pi
 
 
-@njit(cache=True)
+@inner
 def heading_row(R, axis, out):  # type: ignore[no-untyped-def]
     """Fill the row (3,) that maps the angular velocity of a rotation (3, 3) to its heading's rate.
 
@@ -127,7 +127,7 @@ def heading_row(R, axis, out):  # type: ignore[no-untyped-def]
         out[i], out[j] = -c * a / square, -c * b / square
 
 
-@njit(cache=True)
+@inner
 def _wrapped(angle):  # type: ignore[no-untyped-def]
     """Angle [rad] moved by whole turns into [-pi, pi]; one that is there stays as it is."""
     if -math.pi <= angle <= math.pi:
@@ -136,7 +136,7 @@ def _wrapped(angle):  # type: ignore[no-untyped-def]
     return angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))
 
 
-@njit(cache=True)
+@inner
 def frame_jacobian(twists, S, moves, position, out):  # type: ignore[no-untyped-def]
     """Fill the Jacobian (6, n) of a frame from the twists (m, 6) of the model's joints."""
     n = out.shape[1]
@@ -166,7 +166,7 @@ def frame_jacobian(twists, S, moves, position, out):  # type: ignore[no-untyped-
                 out[5, i] += share * c
 
 
-@njit(cache=True)
+@inner
 def _seen(jac, own, frame, reference, R, way, turns):  # type: ignore[no-untyped-def]
     """Fill the Jacobian (3, n) of a frame's position or rotation as seen from a reference.
 
@@ -204,7 +204,7 @@ def _seen(jac, own, frame, reference, R, way, turns):  # type: ignore[no-untyped
             own[row, c] = R[0, row] * x + R[1, row] * y + R[2, row] * z
 
 
-@njit(cache=True)
+@inner
 def pose(poses, index, R, p):  # type: ignore[no-untyped-def]
     """Fill rotation (3, 3) and position (3,) of a frame, of the base if there is none."""
     for i in range(3):
@@ -214,7 +214,7 @@ def pose(poses, index, R, p):  # type: ignore[no-untyped-def]
             R[i, j] = poses[index, j, i] if index >= 0 else (1.0 if i == j else 0.0)
 
 
-@njit(cache=True)
+@inner
 def product(A, transposed, B, out):  # type: ignore[no-untyped-def]
     """Fill the product (3, 3) of two matrices, of which the first may be meant transposed."""
     for i in range(3):
@@ -225,7 +225,7 @@ def product(A, transposed, B, out):  # type: ignore[no-untyped-def]
             out[i, j] = total
 
 
-@njit(cache=True)
+@inner
 def _fill_part(poses, frames, jac, part, places, values, work, J, errors):  # type: ignore[no-untyped-def]
     """Fill the rows of one part on a frame."""
     kind, first, k = part[KIND], part[FIRST], part[COUNT]

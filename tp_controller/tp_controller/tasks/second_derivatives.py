@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from tp_controller.array_types import COLUMN, CUBE, ROWS
-from tp_controller.compiled import boolean, int64, njit, void
+from tp_controller.compiled import boolean, inner, int64, njit, void
 from tp_controller.robot.curvature import PLACES, chain_hessian
 from tp_controller.tasks.parts import (
     AXES,
@@ -29,7 +29,7 @@ SMALL = 1e-3
 """Angle [rad] up to which the logarithm counts as linear."""
 
 
-@njit(cache=True)
+@inner
 def _relative(seen, own, R, way):  # type: ignore[no-untyped-def]
     """Turn the twist ``seen`` (6, m) of a frame into that as seen from a reference.
 
@@ -52,7 +52,7 @@ def _relative(seen, own, R, way):  # type: ignore[no-untyped-def]
                 seen[first + r, c] = R[0, r] * x + R[1, r] * y + R[2, r] * z
 
 
-@njit(cache=True)
+@inner
 def _bend_rotation(first, J, errors, space, out):  # type: ignore[no-untyped-def]
     """Add what the second derivatives of ``log(R_des Rᵀ)`` have beyond those of the rotation.
 
@@ -82,7 +82,7 @@ def _bend_rotation(first, J, errors, space, out):  # type: ignore[no-untyped-def
                 out[first + r, i, j] += errors[first + r] * less * bent
 
 
-@njit(cache=True)
+@inner
 def _along(bent, first, axis, out):  # type: ignore[no-untyped-def]
     """Fill the symmetric part (m, m), along an axis (3,), of derivatives from ``first`` on."""
     m = out.shape[0]
@@ -95,7 +95,7 @@ def _along(bent, first, axis, out):  # type: ignore[no-untyped-def]
             out[c, d] = out[d, c] = 0.5 * total
 
 
-@njit(cache=True)
+@inner
 def _coupled(bent, S, out):  # type: ignore[no-untyped-def]
     """Fill ``Sᵀ bent S`` (n, n) from a second derivative (m, m); S without entries is the unit."""
     n, m = out.shape[0], bent.shape[0]
