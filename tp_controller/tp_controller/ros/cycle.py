@@ -13,6 +13,7 @@ from tp_controller.oscillation import OscillationWatch
 from tp_controller.position_reference import PositionReference
 from tp_controller.ros.answered_time import AnsweredTime
 from tp_controller.ros.commands import CommandPublisher
+from tp_controller.ros.copies import Copies
 from tp_controller.ros.intake import Intake
 from tp_controller.ros.joint_states import JointStateReader, RateCheck
 from tp_controller.ros.lateness import Lateness
@@ -111,6 +112,7 @@ class Cycle:
         self._reader = JointStateReader(stack.robot.coordinates)
         self._q, self._rates = np.zeros((2, stack.robot.nq))
         self._qd: np.ndarray | None = None
+        self._copies = Copies(watch, limit)
         self._use_rate(rate)
         self.look_period = min(0.25 * limit, HEARTBEAT)
         """Time [s] between two looks at whether joint states have stopped."""
@@ -122,12 +124,6 @@ class Cycle:
         """Whether the last state could not be used, and was answered by braking."""
         self._unanswered = 0
         self._braked = self._moved = -math.inf
-        self._last: Arrival | None = None
-        """What came last of the state that was answered; None if braking came instead."""
-        self._copied: Arrival | None = None
-        """The first of it to be answered by motion, if copies of it came; else None."""
-        self._stood = False
-        """Whether copies have come for too long: only a new state is answered then."""
         self._step_time: float | None = None
         self._last_seen = self._looked = time.monotonic()
         self._refused = 0
@@ -139,9 +135,8 @@ class Cycle:
     def _use_rate(self, rate: float | None) -> None:
         self._period = 1.0 / rate if rate else math.inf
         self._lateness = Lateness(self._period)
-        # Longer than between the states of a driver, shorter than a simulation waits.
-        slow = 1.3 * self._period if rate else 0.0
-        self._dense = min(max(0.5 * self._limit, slow), 0.95 * self._limit)
+        if rate:
+            self._copies.know_period(self._period)
         self._rate_check = RateCheck(rate) if rate else None
         self.braking_period = self._period if rate else BRAKING_PERIOD
         """Time [s] between commands of braking."""
@@ -215,29 +210,19 @@ class Cycle:
         return None
 
     def _stands(self, arrival: Arrival) -> bool:
-        """Whether copies of one state have come for too long while the arm is moved by it.
-
-        Copies count if one comes soon after the other: a simulation that waits for its answer may
-        show a state again after a while. Commands count if somebody listens to them.
-        """
-        watch = self._watch
-        if not (watch.is_resend(arrival) and watch.of_wall_clock(arrival)):
+        """Whether copies of one state have come for too long while the arm is moved by it."""
+        copies = self._copies
+        stood = copies.stood
+        if not copies.too_long(arrival, self._moves_an_arm, self.running):
             return False
-        if self._stood:
-            return True
-        before, self._last = self._last, arrival
-        if before is None or watch.between(before, arrival) > self._dense:
-            self._copied = None
-        elif self._copied is None and self._commands.velocity.any() and self._commands.heard:
-            self._copied = before
-        if self._copied is None:
-            return False
-        if self.running and watch.between(self._copied, arrival) <= 0.9 * self._limit:
-            return False
-        # Nothing has been seen of the arm: braking has to begin.
-        self._last_seen = -math.inf
-        self._stood = True
+        if not stood:
+            # Nothing has been seen of the arm: braking has to begin.
+            self._last_seen = -math.inf
         return True
+
+    def _moves_an_arm(self) -> bool:
+        """Whether the last command is a motion, and somebody listens to it."""
+        return bool(self._commands.velocity.any()) and self._commands.heard
 
     def _measure(self, arrival: Arrival) -> None:
         """Read what the arm does at present; all that is measured enters here."""
@@ -347,10 +332,9 @@ class Cycle:
         if not again or self._braked > self._moved:
             self._moved = arrival.taken
         self._step_time = step_time
-        self._last = arrival
+        self._copies.answered(arrival, again)
         if not again:
             self._watch.answered(arrival)
-            self._copied, self._stood = None, False
         followed = self._stack.arm if self._reference is None else self._reference
         if notice := followed.notice:
             self._warnings.warn('arm', f'{notice}: the arm is braked')
@@ -390,8 +374,7 @@ class Cycle:
             command = self._reference.brake()
         self._commands.send(command)
         self._note_answer(arrival, False, step_time)
-        # Who waits for an answer has got none.
-        self._last = None
+        self._copies.braked()
 
     def _elapsed(self, arrival: Arrival) -> float:
         """Time [s] since the state that was answered before; since braking if that came after.
