@@ -185,11 +185,11 @@ class Panel:
         self._plots = []
         with self._plot_folder:
             if with_error:
-                title = 'error [m, rad]'
+                title = 'error [m, rad] over time [s]'
                 log = bool(self._logarithmic.value)
                 self._plots.append(Plot(self._gui, title, with_error, error, log))
             if with_distance:
-                title = 'least distance [m, rad]'
+                title = 'least distance [m, rad] over time [s]'
                 self._plots.append(Plot(self._gui, title, with_distance, nearest, False))
 
 

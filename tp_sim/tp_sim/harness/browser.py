@@ -11,6 +11,7 @@ import tempfile
 import time
 import urllib.request
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,6 +27,8 @@ FLAGS = (
     '--disable-extensions',
     '--disable-background-networking',
     '--hide-scrollbars',
+    # /dev/shm of a container is small.
+    '--disable-dev-shm-usage',
     # Pictures without a graphics card.
     '--use-gl=angle',
     '--use-angle=swiftshader',
@@ -34,6 +37,11 @@ FLAGS = (
 )
 TIMEOUT = 180.0
 """Longest wait [s], generous for a loaded machine."""
+OVER = (
+    '(e, hit) => hit && (e.contains(hit)'
+    " || (hit.contains(e) && hit.closest('button, label') !== null))"
+)
+"""Function of the page: whether what is under the mouse is an element, or the button round it."""
 
 
 class Place(NamedTuple):
@@ -43,9 +51,24 @@ class Place(NamedTuple):
     y: float
 
 
+@cache
 def chromium() -> str | None:
-    """Path of a Chromium on this machine, None if there is none."""
-    return next(filter(None, map(shutil.which, NAMES)), None)
+    """Path of a Chromium on this machine, None if there is none that can be started."""
+    return next(filter(_starts, filter(None, map(shutil.which, NAMES))), None)
+
+
+def _starts(path: str) -> bool:
+    """Whether a program tells its version; a package may have put a mere note in its place."""
+    with contextlib.suppress(OSError, subprocess.TimeoutExpired):
+        asked = subprocess.run(
+            [path, '--version'],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=TIMEOUT,
+            check=False,
+        )
+        return asked.returncode == 0
+    return False
 
 
 class Browser:
@@ -185,7 +208,7 @@ class Browser:
                 ' const r = e.getBoundingClientRect();'
                 ' const x = r.x + r.width / 2, y = r.y + r.height / 2;'
                 ' const hit = document.elementFromPoint(x, y);'
-                ' return hit && (e.contains(hit) || hit.contains(e)) ? [x, y] : null; })()'
+                f' return ({OVER})(e, hit) ? [x, y] : null; }})()'
             )
             # Something that still moves is not there yet; it moves from picture to picture.
             self.frames(2)
@@ -197,11 +220,25 @@ class Browser:
         return place
 
     def click(self, script: str) -> None:
-        """Wait for an element, the value of an expression, and click it."""
-        place = self.find(script)
-        self.mouse('mouseMoved', place)
-        self.mouse('mousePressed', place)
-        self.mouse('mouseReleased', place)
+        """Wait for an element, the value of an expression, and click it.
+
+        Once more, if something else has come under the mouse meanwhile.
+        """
+
+        def press() -> bool:
+            place = self.find(script)
+            self.evaluate(
+                f'(() => {{ const e = {script}; window.clicked = false;'
+                " document.addEventListener('click',"
+                f' event => window.clicked = e && ({OVER})(e, event.target),'
+                ' {once: true, capture: true}); })()'
+            )
+            self.mouse('mouseMoved', place)
+            self.mouse('mousePressed', place)
+            self.mouse('mouseReleased', place)
+            return bool(self.evaluate('window.clicked'))
+
+        self.wait_for(press, f'{script} under the mouse')
 
     def drag(self, start: Place, end: Place, steps: int = 8) -> None:
         """Press the mouse, move it in steps, and release it."""
