@@ -56,7 +56,7 @@ class Playback:
                 self._view.add_visual(visual)
         gui = page.server.gui
         with gui.add_folder(recording.path.name, order=-1.0):
-            end = max(self._moments.seconds, STEP)
+            end = max(math.ceil(self._moments.seconds / STEP) * STEP, STEP)
             self._slider: Any = gui.add_slider('time [s]', 0.0, end, STEP, 0.0)
             self._button = gui.add_button(PLAY)
             self._speed = gui.add_dropdown('speed', tuple(SPEEDS), initial_value='1')

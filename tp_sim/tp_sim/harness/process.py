@@ -17,6 +17,8 @@ from tp_sim.harness.errors import HarnessError
 
 _LIBC = ctypes.CDLL(None)
 _PR_SET_PDEATHSIG = 1
+STOPPED = 30.0
+"""Time [s] that a process has to end after it is interrupted, generous for a loaded machine."""
 
 
 class Process:
@@ -133,10 +135,10 @@ class Process:
         self._process.wait()
 
     def stop(self) -> int:
-        """Interrupt it and wait; return its exit status. It is killed after 5 s."""
+        """Interrupt it and wait; return its exit status. It is killed after half a minute."""
         self.interrupt()
         try:
-            return self._process.wait(5.0)
+            return self._process.wait(STOPPED)
         except subprocess.TimeoutExpired:
             self._process.kill()
             return self._process.wait()
