@@ -12,16 +12,7 @@ from pathlib import Path
 from tp_controller.errors import shown
 
 SUFFIX = '.mcap'
-RECORD = """
-import ctypes, sys
-ctypes.CDLL(None).prctl(1, 2)
-try:
-    from tp_controller.ros.record import main
-    sys.exit(main())
-except KeyboardInterrupt:
-    sys.exit('record: ended before it began')
-"""
-"""What the process runs; if the page is killed it gets SIGINT (PR_SET_PDEATHSIG) and finishes."""
+MODULE = 'tp_controller.ros.page_record'
 LAST = 10.0
 """Time [s] that it has to finish its file when the page ends."""
 
@@ -64,7 +55,7 @@ class ViewRecording:
         self._path = path if path.suffix == SUFFIX else path.with_name(f'{name}{SUFFIX}')
         # Remaps and the namespace of this process are in the controller's full name.
         self._process = subprocess.Popen(
-            [sys.executable, '-c', RECORD, str(self._path), '--controller', self._controller],
+            [sys.executable, '-m', MODULE, str(self._path), '--controller', self._controller],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
