@@ -47,7 +47,7 @@ PICTURES = (
     Picture(
         'view_panda.png',
         'panda_table',
-        (('hand_position', (0.2, -0.6, 0.4)), ('hand_position', (0.5, 0.0, 0.3))),
+        (('hand_position', (0.2, -0.6, 0.4)), ('hand_position', (0.45, 0.25, 0.12))),
         0.15,
         ('3 · hand_position…', 'Show', 'distances'),
     ),

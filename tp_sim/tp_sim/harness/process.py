@@ -8,7 +8,7 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
@@ -19,6 +19,17 @@ _LIBC = ctypes.CDLL(None)
 _PR_SET_PDEATHSIG = 1
 STOPPED = 30.0
 """Time [s] that a process has to end after it is interrupted, generous for a loaded machine."""
+
+
+def die_with_parent(parent: int) -> Callable[[], None]:
+    """What a child process does first, so that it gets SIGTERM when its parent ends."""
+
+    def ask() -> None:
+        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != parent:
+            os._exit(1)
+
+    return ask
 
 
 class Process:
@@ -45,13 +56,6 @@ class Process:
     ) -> None:
         self.name = name
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 - closed by stop
-        parent = os.getpid()
-
-        def die_with_parent() -> None:
-            _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-            if os.getppid() != parent:
-                os._exit(1)
-
         self._process = subprocess.Popen(
             command,
             env=environment,
@@ -59,7 +63,7 @@ class Process:
             stdin=subprocess.DEVNULL,
             stdout=self._output,
             stderr=subprocess.STDOUT,
-            preexec_fn=die_with_parent,  # noqa: PLW1509 - prctl has to run in the child
+            preexec_fn=die_with_parent(os.getpid()),  # noqa: PLW1509 - prctl has to run in the child
             # Ctrl-C in a terminal is for the parent, which stops its nodes itself.
             start_new_session=True,
         )
