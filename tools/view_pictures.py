@@ -18,7 +18,7 @@ from tp_sim.harness import ClosedLoop, NodeProcess
 from tp_sim.harness.browser import Browser, text_element
 
 ROOT = Path(__file__).resolve().parents[1]
-SIZE = 1280, 800
+SIZE = 1280, 900
 OPEN = "document.querySelector('canvas[data-engine]')?.style.opacity === '1'"
 NOTE = "document.querySelectorAll('.mantine-Notification-root').forEach(e => e.remove())"
 
@@ -40,15 +40,15 @@ PICTURES = (
     Picture(
         'view_planar.png',
         'b1_obstacles',
-        (('ee_position', (-0.9, 0.9)), ('ee_position', (1.2, 0.6))),
-        0.6,
+        (('ee_position', (-0.9, 0.9)), ('ee_position', (1.0, 0.7))),
+        0.3,
         ('3 · ee_position…',),
     ),
     Picture(
         'view_panda.png',
         'panda_table',
         (('hand_position', (0.2, -0.6, 0.4)), ('hand_position', (0.45, 0.25, 0.12))),
-        0.1,
+        0.15,
         ('3 · hand_position…', 'Show', 'distances'),
     ),
 )

@@ -20,6 +20,8 @@ class PageClient:
             max_size=None,
             close_timeout=1.0,
             compression=None,
+            # Whoever waits for a browser meanwhile reads nothing.
+            ping_interval=None,
         )
         self.messages = []
         self.closed = False

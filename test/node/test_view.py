@@ -7,6 +7,7 @@ import pytest
 from page_client import PageClient
 
 from tp_controller.errors import InvalidValue
+from tp_controller.recording import Recording
 from tp_controller.view.page import Page
 from tp_interfaces.srv import AddTask, RemoveTask
 from tp_sim.harness import ClosedLoop, NodeProcess, PrivateDomain
@@ -124,6 +125,41 @@ def test_hold_that_is_pressed_again_goes_on_holding(loop, page):
     client.set(client.element('GuiButtonMessage', 'Resume'), True)
     loop.client.wait_for(lambda: not loop.state.held, 'its end')
     client.close()
+
+
+def test_a_recording_starts_and_ends_with_a_button(loop, tmp_path):
+    page, address = started(loop.environment, '--folder', str(tmp_path))
+    client = PageClient(address)
+    client.wait_for(lambda: client.element('GuiButtonMessage', 'Start recording'))
+    button = client.element('GuiButtonMessage', 'Start recording')
+    name = client.element('GuiTextMessage', 'name')
+
+    def press(name_, said):
+        client.messages.clear()
+        client.set(name, name_)
+        client.set(button, True)
+        client.wait_for(lambda: said in str(client.messages))
+
+    try:
+        press('../run', "refused: file: got '../run'")
+        path = tmp_path / 'first.mcap'
+        press('first', 'Stop recording')
+        # The page waits for as long as nothing is in the file.
+        loop.client.wait_for(lambda: path.exists() and path.stat().st_size > 40_000, 'the file')
+        press('first', f'recorded: {path}')
+        assert Recording(path).complete
+        assert Recording(path).controller == '/tp_controller'
+        press('first', 'which exists')
+        second = tmp_path / 'second.mcap'
+        press('second.mcap', 'Stop recording')
+        loop.client.wait_for(
+            lambda: second.exists() and second.stat().st_size > 40_000, 'the second file'
+        )
+    finally:
+        client.close()
+        assert page.stop() == 0
+    # The page finishes its file before it ends.
+    assert Recording(second).complete
 
 
 def test_pages_of_other_sites_are_not_let_in(page):

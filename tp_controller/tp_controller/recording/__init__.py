@@ -6,6 +6,7 @@ attached, so that a recording says by itself what was run.
 """
 
 from tp_controller.recording.course import LevelCourse, Run, TaskCourse, run_of
+from tp_controller.recording.moments import Moment, Moments
 from tp_controller.recording.reader import Entry, Recording
 from tp_controller.recording.writer import Contents, RecordingWriter
 
@@ -13,6 +14,8 @@ __all__ = [
     'Contents',
     'Entry',
     'LevelCourse',
+    'Moment',
+    'Moments',
     'Recording',
     'RecordingWriter',
     'Run',

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import io
-import struct
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import zstandard
-from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap_ros2.decoder import DecoderFactory
@@ -17,6 +14,7 @@ from mcap_ros2.decoder import DecoderFactory
 from tp_controller.config import build_settings, parse_parameters
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.parameters import Flat
+from tp_controller.recording.index import BROKEN, Index, Part, read_index, scan
 from tp_controller.recording.writer import (
     ABOUT,
     DESCRIPTION,
@@ -78,21 +76,59 @@ class Recording:
         self._facts: dict[str, str] = {}
         self._directions: dict[str, str] = {}
         self._decoders = DecoderFactory()
-        self.contents = self._look()
+        self._channels: dict[int, tuple[Channel, Schema]] = {}
+        self._index = self._find_index()
+        self.contents = self._look() if self._index is None else self._take(self._index)
         if STATE not in self.types.values():
             topics = listed(self.types)
             raise InvalidValue(
                 str(path), f'no state of a controller, but {topics}', 'a recording of one'
             )
 
+    def _find_index(self) -> Index | None:
+        try:
+            return read_index(self.path)
+        except OSError as error:
+            raise self._unreadable(error) from None
+
+    def _take(self, index: Index) -> Contents:
+        """What is in it by its index; messages are not read."""
+        self._check_profile(index.profile)
+        counts: dict[str, int] = {}
+        for number, channel in index.channels.items():
+            self._note(channel, index.schemas[channel.schema_id])
+            counts[channel.topic] = index.counts.get(number, 0)
+        for attachment in index.attachments:
+            self._texts[attachment.name] = attachment.data.decode(errors='replace')
+        for record in index.metadata:
+            self._describe(record)
+        return Contents(index.seconds, counts)
+
+    def _note(self, channel: Channel, schema: Schema) -> None:
+        self._channels[channel.id] = channel, schema
+        self.types[channel.topic] = schema.name
+        self._directions[channel.topic] = channel.metadata.get(DIRECTION, '')
+
+    def _describe(self, record: Metadata) -> None:
+        if record.name == ABOUT:
+            self._facts.update(record.metadata)
+
+    def _check_profile(self, profile: str) -> None:
+        if profile != 'ros2':
+            got = f'an MCAP file of the profile {shown(profile)}'
+            raise InvalidValue(str(self.path), got, 'one of the profile ros2')
+
+    def _unreadable(self, error: OSError) -> InvalidValue:
+        return InvalidValue(str(self.path), str(error.strerror), 'a readable file')
+
     def _look(self) -> Contents:
+        """What is in it, message by message."""
         counts: dict[str, int] = {}
         begin = end = 0
         for channel, schema, message in self._raw():
             if message is None:
                 counts[channel.topic] = 0
-                self.types[channel.topic] = schema.name
-                self._directions[channel.topic] = channel.metadata.get(DIRECTION, '')
+                self._note(channel, schema)
                 continue
             counts[channel.topic] += 1
             begin = min(begin or message.log_time, message.log_time)
@@ -117,16 +153,15 @@ class Recording:
                             yield record, schemas[record.schema_id], None
                     elif isinstance(record, Attachment):
                         self._texts[record.name] = record.data.decode(errors='replace')
-                    elif isinstance(record, Metadata) and record.name == ABOUT:
-                        self._facts.update(record.metadata)
-                    elif isinstance(record, Header) and record.profile != 'ros2':
-                        got = f'an MCAP file of the profile {shown(record.profile)}'
-                        raise InvalidValue(str(self.path), got, 'one of the profile ros2')
+                    elif isinstance(record, Metadata):
+                        self._describe(record)
+                    elif isinstance(record, Header):
+                        self._check_profile(record.profile)
         except OSError as error:
-            raise InvalidValue(str(self.path), str(error.strerror), 'a readable file') from None
+            raise self._unreadable(error) from None
         except InvalidValue:
             raise
-        except (McapError, ValueError, KeyError, struct.error, zstandard.ZstdError) as error:
+        except BROKEN as error:
             if not channels:
                 got = f'no MCAP file ({type(error).__name__})'
                 raise InvalidValue(str(self.path), got, 'a recording (.mcap)') from None
@@ -201,13 +236,30 @@ class Recording:
         for channel, schema, message in self._raw():
             if message is None or channel.topic not in wanted:
                 continue
-            decode = self._decoders.decoder_for(channel.message_encoding, schema)
-            if decode is None:
-                got = f'{channel.topic}: {channel.message_encoding}, {schema.encoding}'
-                raise InvalidValue(str(self.path), got, 'cdr and ros2msg')
+            decode = self._decoder(channel, schema)
             yield Entry(
                 channel.topic, decode(message.data), message.log_time, message.publish_time
             )
+
+    def _decoder(self, channel: Channel, schema: Schema) -> Callable[[bytes], Any]:
+        decode = self._decoders.decoder_for(channel.message_encoding, schema)
+        if decode is None:
+            got = f'{channel.topic}: {channel.message_encoding}, {schema.encoding}'
+            raise InvalidValue(str(self.path), got, 'cdr and ros2msg')
+        return decode
+
+    def parts(self, topic: str) -> dict[int, list[Part]]:
+        """Parts of the file with messages of a topic, by the number of its channel."""
+        parts = list(scan(self.path)) if self._index is None else self._index.parts
+        return {
+            number: [part for part in parts if number in part.channels]
+            for number, (channel, _) in self._channels.items()
+            if channel.topic == topic
+        }
+
+    def decoder(self, number: int) -> Callable[[bytes], Any]:
+        """What makes messages of the bytes of a channel."""
+        return self._decoder(*self._channels[number])
 
     def states(self) -> list[Any]:
         """States of the controller, one for each cycle that published one, in their order."""

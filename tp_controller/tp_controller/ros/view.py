@@ -19,7 +19,7 @@ from rclpy.utilities import remove_ros_args
 
 from tp_controller.command_line import OneLineParser
 from tp_controller.config import read_parameter_file
-from tp_controller.errors import InvalidValue, TaskPriorityError
+from tp_controller.errors import InvalidValue, TaskPriorityError, shown
 from tp_controller.parameters import Flat
 from tp_controller.recording import Recording
 from tp_controller.ros.arguments import one_line
@@ -27,11 +27,13 @@ from tp_controller.ros.codecs import GOALS
 from tp_controller.ros.remote_parameters import RemoteParameters
 from tp_controller.ros.view_link import ViewLink
 from tp_controller.ros.view_model import ViewModel
+from tp_controller.ros.view_recording import ViewRecording
 from tp_controller.ros.watch_table import Sight
 from tp_controller.ros.watcher import Watcher
 from tp_controller.view.page import Page
 from tp_controller.view.playback import Playback
 from tp_controller.view.view import View
+from tp_controller.view.wishes import Record
 
 REFUSED = 2
 PERIOD = 0.045
@@ -58,6 +60,9 @@ def main() -> int:
         if given.recording is not None:
             return _play(given)
         parameters = read_file(given.config)
+        if not given.folder.is_dir():
+            got = shown(str(given.folder))
+            raise InvalidValue('folder', got, 'a folder that is there')
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = rclpy.create_node(f'tp_view_{os.getpid()}', start_parameter_services=False)
         page = Page(given.host, given.port)
@@ -68,6 +73,7 @@ def main() -> int:
             # An exception could come while something is collected or called back, and be lost.
             signal.signal(number, viewer.stop)
         viewer.run()
+        viewer.close()
     except InvalidValue as error:
         return _refuse(str(error))
     except NameValidationException as error:
@@ -127,6 +133,12 @@ def _parser() -> argparse.ArgumentParser:
         type=int,
         default=8080,
         help='the next free one if it is taken; 0: any (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--folder',
+        type=Path,
+        default=Path(),
+        help='folder of what the page records (default: the present one)',
     )
     parser.add_argument(
         '--read-only', action='store_true', help='nothing on the page moves or changes anything'
@@ -211,8 +223,10 @@ class Viewer:
         self._parameters = RemoteParameters(node, name)
         self._model = ViewModel(node, namespace)
         self._link: ViewLink | None = None
+        self._recording: ViewRecording | None = None
         if not given.read_only:
             self._link = ViewLink(node, name, simulator, page.say)
+            self._recording = ViewRecording(name, given.folder.resolve(), page.say)
         self._stopped = False
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(node)
@@ -254,17 +268,34 @@ class Viewer:
             self._build(self._parameters.values)
         self._take_model()
         for wish in self.view.wishes.take():
-            if self._link is not None:
+            if isinstance(wish, Record):
+                self._record(wish.name)
+            elif self._link is not None:
                 self._link.grant(wish, None if sight.silence else sight.state)
         panel = self.view.panel
         panel.wait(f'waiting for {self._name}: {sight.silence}' if sight.silence else self._wait)
         if self._link is not None:
             panel.show_simulator(self._link.simulated)
+        if self._recording is not None:
+            self._recording.work()
+            panel.show_recording(str(self._recording.path or ''))
         try:
             self.view.show(sight.state, sight.rate, self._parameters.values)
         except InvalidValue as error:
             # The state is of another robot than the model, which follows.
             self._wait = f'the state cannot be drawn: {error}'
+
+    def close(self) -> None:
+        """Finish the recording, if one is being made."""
+        if self._recording is not None:
+            self._recording.close()
+
+    def _record(self, name: str) -> None:
+        if self._recording is not None:
+            if name:
+                self._recording.start(name)
+            else:
+                self._recording.stop()
 
     def _follow_restarts(self, sight: Sight) -> None:
         """Ask for everything anew if the controller is another one, or has other tasks."""

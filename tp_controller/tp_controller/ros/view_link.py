@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool
 
 from tp_controller.errors import InvalidValue
 from tp_controller.ros.goals import goal_message
-from tp_controller.view.wishes import Change, Goal, Hold, Reset, Wish
+from tp_controller.view.wishes import Change, Goal, Hold, Reset, Save, Wish
 from tp_interfaces.msg import ControllerState
 from tp_interfaces.srv import Reset as ResetService
 from tp_interfaces.srv import Save as SaveService
@@ -87,7 +87,7 @@ class ViewLink:
             self._ask(self._hold, request, 'hold' if wish.on else 'resume')
         elif isinstance(wish, Reset):
             self._ask(self._reset, ResetService.Request(), 'simulator reset')
-        else:
+        elif isinstance(wish, Save):
             request = SaveService.Request(path=wish.path, overwrite=wish.overwrite)
             self._ask(self._save, request, f'saved to {wish.path}')
 

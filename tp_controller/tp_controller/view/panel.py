@@ -12,10 +12,12 @@ from tp_controller import state_words as words
 from tp_controller.view import hierarchy
 from tp_controller.view.plots import Plot, error, nearest, split
 from tp_controller.view.task_folder import Range, TaskFolder
-from tp_controller.view.wishes import Hold, Reset, Save, Wish
+from tp_controller.view.wishes import Hold, Record, Reset, Save, Wish
 
 LIGHTS = {0: '#e6a700', 1: '#0a9e5a', 2: '#d51e1e', 3: '#e67700', 4: '#e6a700'}
 """Color of every status of ControllerState."""
+
+RECORD, STOP = 'Start recording', 'Stop recording'
 
 
 class Panel:
@@ -35,6 +37,9 @@ class Panel:
         self._gui, self._ask = gui, ask
         self._state: Any = None
         self._message = ''
+        self._recorded = ''
+        self._record: Any = None
+        self._where: Any = None
         self._status = gui.add_markdown('', order=0.0)
         # Below what one presses: nothing moves away under the mouse.
         self._messages = gui.add_markdown('', order=24.0)
@@ -55,6 +60,15 @@ class Panel:
         """Offer the reset of a simulated robot, if there is one."""
         if self._ask is not None:
             self._reset.visible = there
+
+    def show_recording(self, path: str) -> None:
+        """Offer to end the recording into a file, or to begin one if it is empty."""
+        if self._ask is None or path == self._recorded:
+            return
+        self._recorded = path
+        self._record.label = STOP if path else RECORD
+        self._record.color = 'red' if path else None
+        self._where.content = f'into `{path}`' if path else ''
 
     def set_tasks(self, tasks: Sequence[Any], ranges: Mapping[str, Mapping[str, Range]]) -> None:
         """Make folders and plots for these tasks, by name of a task with ranges of its joints."""
@@ -145,6 +159,15 @@ class Panel:
         hold.on_click(begin)
         self._resume.on_click(end)
         self._reset.on_click(reset)
+        with gui.add_folder('Record', order=21.0, expand_by_default=False):
+            name = gui.add_text('name', 'run', hint="a new file on the page's machine, .mcap")
+            self._record = gui.add_button(RECORD)
+            self._where = gui.add_markdown('')
+
+        async def record(_: viser.GuiEvent[Any]) -> None:
+            ask(Record('' if self._recorded else str(name.value) or ' '))
+
+        self._record.on_click(record)
         with gui.add_folder('Save the stack', order=22.0, expand_by_default=False):
             path = gui.add_text('file', file, hint="on the controller's machine")
             replace = gui.add_checkbox('replace', False, hint='a file that is there already')
@@ -185,11 +208,11 @@ class Panel:
         self._plots = []
         with self._plot_folder:
             if with_error:
-                title = 'error [m, rad]'
+                title = 'error [m, rad] over time [s]'
                 log = bool(self._logarithmic.value)
                 self._plots.append(Plot(self._gui, title, with_error, error, log))
             if with_distance:
-                title = 'least distance [m, rad]'
+                title = 'least distance [m, rad] over time [s]'
                 self._plots.append(Plot(self._gui, title, with_distance, nearest, False))
 
 

@@ -7,13 +7,10 @@ import time
 from collections.abc import Collection
 from typing import Any
 
-import numpy as np
 import viser
 
 from tp_controller.config import describe_robot, read_parameters, robot_source
-from tp_controller.errors import InvalidValue
-from tp_controller.recording import Recording
-from tp_controller.recording.course import states_of_cycles
+from tp_controller.recording import Moments, Recording
 from tp_controller.view.page import Page
 from tp_controller.view.view import View
 from tp_controller.view.visuals import visuals
@@ -25,6 +22,8 @@ STEP = 0.001
 SPEEDS = {'1/4': 0.25, '1/2': 0.5, '1': 1.0, '2': 2.0, '5': 5.0, '20': 20.0}
 JUMP = 1.0
 """Time [s] forward, or any backward, after which plots and paths are made anew."""
+GRAIN = 0.1
+"""Time [s] between two states that plots and paths are made of: plots keep no more."""
 PLAY, PAUSE = 'Play', 'Pause'
 
 
@@ -47,12 +46,7 @@ class Playback:
     """
 
     def __init__(self, page: Page, recording: Recording, types: Collection[str]) -> None:
-        cycles = states_of_cycles(recording.states())
-        if not cycles:
-            raise InvalidValue(str(recording.path), 'no cycle', 'a recording with one')
-        stamps = np.array(list(cycles), dtype=np.int64)
-        self._states = list(cycles.values())
-        self._times = np.multiply(stamps - stamps[0], 1e-9)
+        self._moments = Moments(recording)
         self._parameters = recording.parameters
         self._view = View(page, types, read_only=True)
         self._view.set_stack(recording.stack())
@@ -62,7 +56,7 @@ class Playback:
                 self._view.add_visual(visual)
         gui = page.server.gui
         with gui.add_folder(recording.path.name, order=-1.0):
-            end = max(float(self._times[-1]), STEP)
+            end = max(math.ceil(self._moments.seconds / STEP) * STEP, STEP)
             self._slider: Any = gui.add_slider('time [s]', 0.0, end, STEP, 0.0)
             self._button = gui.add_button(PLAY)
             self._speed = gui.add_dropdown('speed', tuple(SPEEDS), initial_value='1')
@@ -86,7 +80,7 @@ class Playback:
 
     def work(self, passed: float) -> None:
         """Make one picture, a time [s] after the last one."""
-        end = float(self._times[-1])
+        end = self._moments.seconds
         if self._playing:
             self._time = min(self._time + passed * SPEEDS[str(self._speed.value)], end)
             self._slider.value = round(self._time, 3)
@@ -96,30 +90,20 @@ class Playback:
         if not 0.0 <= moment - self._shown < JUMP:
             self._recall(moment)
         self._shown = moment
-        self._view.show(self._at(moment), math.nan, self._parameters, moment)
-
-    def _at(self, moment: float) -> Any:
-        """State of the last cycle at a time [s]."""
-        return self._states[max(int(np.searchsorted(self._times, moment, 'right')) - 1, 0)]
+        self._view.show(self._moments.at(moment).state, math.nan, self._parameters, moment)
 
     def _recall(self, moment: float) -> None:
         """Fill plots and paths with what was before a time [s]."""
         self._view.forget()
-        last = int(np.searchsorted(self._times, moment, 'right'))
-        first = int(np.searchsorted(self._times, moment - self._view.memory))
-        # No finer than plots keep it.
-        due = -math.inf
-        for i in range(first, last):
-            if self._times[i] >= due:
-                due = self._times[i] + 0.1
-                self._view.see(self._states[i], float(self._times[i]))
+        for time_, state in self._moments.before(moment, self._view.memory, GRAIN):
+            self._view.see(state, time_)
 
     def _play(self, on: bool) -> None:
         self._playing = on
         self._button.label = PAUSE if on else PLAY
 
     async def _toggle(self, _: viser.GuiEvent[Any]) -> None:
-        if not self._playing and self._time >= float(self._times[-1]):
+        if not self._playing and self._time >= self._moments.seconds:
             self._time = 0.0
         self._play(not self._playing)
 

@@ -25,7 +25,7 @@ from tp_controller.view.task_folder import Range
 from tp_controller.view.visuals import Visual
 from tp_controller.view.wishes import Wishes
 
-TEXTS, PLOTS, PATHS, DISTANCES = 0.25, 0.25, 0.1, 0.1
+TEXTS, PLOTS, DISTANCES = 0.25, 0.25, 0.1
 """Times [s] between two pictures of these."""
 FIELD = math.radians(50.0)
 """Vertical angle [rad] that the camera sees."""
@@ -70,7 +70,11 @@ class View:
         self._due: dict[str, float] = {}
         self._begin = time.monotonic()
         self._cycles = -1
-        self._shadows: bool | None = None
+        self._shadows = False
+        self._scene.configure_default_lights(cast_shadow=False)
+        # The picture of a room that is mirrored in surfaces by default is most of the work of a
+        # browser without a graphics card.
+        self._scene.configure_environment_map(hdri=None)
         self._thread = ThreadPoolExecutor(1, 'shapes')
         self._bodies: tuple[Robot, Future[Mapping[str, tuple[Shape, ...]]]] | None = None
 
@@ -188,8 +192,7 @@ class View:
         drawn.handles.show(bool(panel.targets.value), bool(panel.obstacles.value))
         drawn.handles.follow(state.tasks)
         drawn.paths.show(bool(panel.paths.value))
-        if self._is_due('paths', PATHS, now):
-            drawn.paths.draw()
+        drawn.paths.draw()
         if self._is_due('distances', DISTANCES, now):
             if panel.distances.value:
                 drawn.surroundings.measure(state.tasks)
@@ -244,6 +247,11 @@ class View:
             cell_color=(232, 234, 237), section_color=(205, 208, 212), shadow_opacity=0.2,
             position=(0.0, 0.0, low), plane='xy',
         )  # fmt: skip
+        # Light from the sky and from where the camera is first, on what faces it.
+        self._scene.add_light_hemisphere('/light/sky', ground_color=(205, 200, 195), intensity=1.6)
+        self._scene.add_light_directional(
+            '/light/front', intensity=0.8, position=(1.0, 0.4, 0.8), cast_shadow=False
+        )
         self._scene.add_frame('/base', axes_length=0.12 * extent, axes_radius=0.005 * extent)
         if not first:
             return
@@ -255,7 +263,7 @@ class View:
             # A little from below: exactly from above the camera could not turn.
             camera.position = (0.35 * reach, 0.1 * reach - 0.12 * away, away)
         else:
-            away = 0.85 * reach / math.tan(0.5 * FIELD)
+            away = 0.75 * reach / math.tan(0.5 * FIELD)
             aim = np.array([0.25, 0.25, 0.33]) * reach
             camera.look_at = aim
             camera.position = aim + away * np.array([0.86, 0.22, 0.4])

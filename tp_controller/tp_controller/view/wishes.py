@@ -39,7 +39,14 @@ class Save(NamedTuple):
     overwrite: bool
 
 
-Wish = Goal | Change | Hold | Reset | Save
+class Record(NamedTuple):
+    """To record into a file from now on, or no longer."""
+
+    name: str
+    """Of the file in the page's folder; empty: no longer."""
+
+
+Wish = Goal | Change | Hold | Reset | Save | Record
 
 MOST = 200
 """Wishes that wait at most; more come from nobody who presses buttons."""

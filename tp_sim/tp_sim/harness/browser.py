@@ -5,18 +5,21 @@ from __future__ import annotations
 import base64
 import contextlib
 import json
+import os
 import shutil
 import subprocess
 import tempfile
 import time
 import urllib.request
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from websockets.sync.client import ClientConnection, connect
 
 from tp_sim.harness.errors import HarnessError
+from tp_sim.harness.process import die_with_parent
 
 NAMES = ('chromium', 'chromium-browser', 'google-chrome')
 FLAGS = (
@@ -26,6 +29,8 @@ FLAGS = (
     '--disable-extensions',
     '--disable-background-networking',
     '--hide-scrollbars',
+    # /dev/shm of a container is small.
+    '--disable-dev-shm-usage',
     # Pictures without a graphics card.
     '--use-gl=angle',
     '--use-angle=swiftshader',
@@ -34,6 +39,11 @@ FLAGS = (
 )
 TIMEOUT = 180.0
 """Longest wait [s], generous for a loaded machine."""
+OVER = (
+    '(e, hit) => hit && (e.contains(hit)'
+    " || (hit.contains(e) && hit.closest('button, label') !== null))"
+)
+"""Function of the page: whether what is under the mouse is an element, or the button round it."""
 
 
 class Place(NamedTuple):
@@ -43,9 +53,24 @@ class Place(NamedTuple):
     y: float
 
 
+@cache
 def chromium() -> str | None:
-    """Path of a Chromium on this machine, None if there is none."""
-    return next(filter(None, map(shutil.which, NAMES)), None)
+    """Path of a Chromium on this machine, None if there is none that can be started."""
+    return next(filter(_starts, filter(None, map(shutil.which, NAMES))), None)
+
+
+def _starts(path: str) -> bool:
+    """Whether a program tells its version; a package may have put a mere note in its place."""
+    with contextlib.suppress(OSError, subprocess.TimeoutExpired):
+        asked = subprocess.run(
+            [path, '--version'],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=TIMEOUT,
+            check=False,
+        )
+        return asked.returncode == 0
+    return False
 
 
 class Browser:
@@ -72,6 +97,7 @@ class Browser:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
+            preexec_fn=die_with_parent(os.getpid()),  # noqa: PLW1509
         )
         self._calls = 0
         self._events: list[dict[str, Any]] = []
@@ -185,7 +211,7 @@ class Browser:
                 ' const r = e.getBoundingClientRect();'
                 ' const x = r.x + r.width / 2, y = r.y + r.height / 2;'
                 ' const hit = document.elementFromPoint(x, y);'
-                ' return hit && (e.contains(hit) || hit.contains(e)) ? [x, y] : null; })()'
+                f' return ({OVER})(e, hit) ? [x, y] : null; }})()'
             )
             # Something that still moves is not there yet; it moves from picture to picture.
             self.frames(2)
@@ -197,11 +223,25 @@ class Browser:
         return place
 
     def click(self, script: str) -> None:
-        """Wait for an element, the value of an expression, and click it."""
-        place = self.find(script)
-        self.mouse('mouseMoved', place)
-        self.mouse('mousePressed', place)
-        self.mouse('mouseReleased', place)
+        """Wait for an element, the value of an expression, and click it.
+
+        Once more, if something else has come under the mouse meanwhile.
+        """
+
+        def press() -> bool:
+            place = self.find(script)
+            self.evaluate(
+                f'(() => {{ const e = {script}; window.clicked = false;'
+                " document.addEventListener('click',"
+                f' event => window.clicked = e && ({OVER})(e, event.target),'
+                ' {once: true, capture: true}); })()'
+            )
+            self.mouse('mouseMoved', place)
+            self.mouse('mousePressed', place)
+            self.mouse('mouseReleased', place)
+            return bool(self.evaluate('window.clicked'))
+
+        self.wait_for(press, f'{script} under the mouse')
 
     def drag(self, start: Place, end: Place, steps: int = 8) -> None:
         """Press the mouse, move it in steps, and release it."""

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
@@ -17,6 +17,19 @@ from tp_sim.harness.errors import HarnessError
 
 _LIBC = ctypes.CDLL(None)
 _PR_SET_PDEATHSIG = 1
+STOPPED = 30.0
+"""Time [s] that a process has to end after it is interrupted, generous for a loaded machine."""
+
+
+def die_with_parent(parent: int) -> Callable[[], None]:
+    """What a child process does first, so that it gets SIGTERM when its parent ends."""
+
+    def ask() -> None:
+        _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != parent:
+            os._exit(1)
+
+    return ask
 
 
 class Process:
@@ -43,13 +56,6 @@ class Process:
     ) -> None:
         self.name = name
         self._output = tempfile.TemporaryFile()  # noqa: SIM115 - closed by stop
-        parent = os.getpid()
-
-        def die_with_parent() -> None:
-            _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)
-            if os.getppid() != parent:
-                os._exit(1)
-
         self._process = subprocess.Popen(
             command,
             env=environment,
@@ -57,7 +63,7 @@ class Process:
             stdin=subprocess.DEVNULL,
             stdout=self._output,
             stderr=subprocess.STDOUT,
-            preexec_fn=die_with_parent,  # noqa: PLW1509 - prctl has to run in the child
+            preexec_fn=die_with_parent(os.getpid()),  # noqa: PLW1509 - prctl has to run in the child
             # Ctrl-C in a terminal is for the parent, which stops its nodes itself.
             start_new_session=True,
         )
@@ -133,10 +139,10 @@ class Process:
         self._process.wait()
 
     def stop(self) -> int:
-        """Interrupt it and wait; return its exit status. It is killed after 5 s."""
+        """Interrupt it and wait; return its exit status. It is killed after half a minute."""
         self.interrupt()
         try:
-            return self._process.wait(5.0)
+            return self._process.wait(STOPPED)
         except subprocess.TimeoutExpired:
             self._process.kill()
             return self._process.wait()
