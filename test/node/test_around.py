@@ -196,10 +196,28 @@ def test_a_time_limit_counts_while_it_looks(loop):
 def test_an_obstacle_that_moves_makes_it_look_again(loop):
     call = start(loop, BEHIND)
     step_until(loop, lambda: follows(loop))
-    loop.send_goal('obstacle_1', [0.0, 1.05])
+    loop.step(20)
+    x, y = loop.client.task('ee_position').current
+    # The arm comes from above.
+    loop.send_goal('obstacle_1', [x, y - 0.55])
     step_until(loop, lambda: 'following' not in loop.state.message)
     step_until(loop, lambda: follows(loop) or call.result is not None)
     assert loop.finish(call).outcome == Result.REACHED
+    loop.send_goal('obstacle_1', [0.0, 1.0])
+
+
+@pytest.mark.parametrize('speed', [0.0, 1e-2])
+def test_an_obstacle_that_does_not_come_nearer_is_no_matter(loop, speed):
+    call = start(loop, BEHIND)
+    for i in range(100):
+        loop.send_goal('obstacle_1', [0.0, 1.0 + speed * i])
+        loop.step(3)
+        if call.result is not None:
+            break
+    assert call.result is not None
+    assert call.wait().outcome == Result.REACHED
+    said = phases(call)
+    assert 'looking ahead' not in said[said.index('following') :]
     loop.send_goal('obstacle_1', [0.0, 1.0])
 
 

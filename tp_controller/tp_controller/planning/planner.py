@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from tp_controller.config import START, Settings, build_settings, build_stack
 from tp_controller.planning import ahead, search, way
 from tp_controller.planning.ahead import Ahead, look_ahead
+from tp_controller.planning.clear import Clear
 from tp_controller.planning.conditions import Conditions, check_goals
 from tp_controller.planning.search import Answer, Solution, solve
 from tp_controller.planning.way import Way, find_way
 from tp_controller.robot import Robot
 from tp_controller.stack import Stack
 from tp_controller.tasks import SetBasedTask
+from tp_controller.trajectory import VectorPath
 
 Vector = NDArray[np.float64]
 
@@ -182,6 +184,35 @@ class Planner:
         return Plan(
             Kind.NONE if path is None else Kind.AROUND, found, answer, path, seconds=seconds
         )
+
+    def is_clear(
+        self,
+        goals: Mapping[str, Sequence[float] | Vector],
+        q: Vector,
+        path: VectorPath,
+        begin: float,
+    ) -> bool:
+        """Whether what is left of a way keeps all distances, with obstacles as they are now.
+
+        Parameters
+        ----------
+        goals
+            Target (target_size,) by task of the hierarchy.
+        q
+            Present configuration (nq,) [rad, m]; what is nearer than it has to be there may be
+            as near on the way.
+        path
+            The way.
+        begin
+            Time [s] on it from which on it is looked at.
+
+        Raises
+        ------
+        InvalidValue
+            If a goal or the configuration cannot be used.
+        """
+        with Conditions(self.stack, goals, q) as conditions:
+            return Clear(conditions).along(path, begin)
 
     def _find(
         self,
