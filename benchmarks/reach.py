@@ -46,6 +46,7 @@ SECONDS = 10.0
 LATE = 40.0
 """Time [s] after which a run that has not arrived is given up."""
 CHUNK = 10
+OWN = 'own'
 
 ARRIVED, SLOW, LIMIT, SINGULAR, OTHER = 'arrived', 'late', 'end', 'singular', 'other'
 
@@ -192,23 +193,36 @@ def outcomes(job: Job) -> list[Outcome]:
     return result
 
 
-def try_arm(arm: str, count: int) -> None:
-    """Try all draws of an arm, and those of the others; keep what they gave."""
-    kept: dict[str, Any] = {'count': count, 'own': {}, 'others': {}}
-    with multiprocessing.get_context('spawn').Pool(2) as pool:
-        for case in cases(arm):
-            chunks = [range(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)]
-            jobs = [Job(case, chunk, count) for chunk in chunks]
-            tried = [one for some in pool.imap(outcomes, jobs) for one in some]
-            kept['own'][case.levels] = summary(tried)
+def try_arm(arm: str, count: int, sides: Sequence[str]) -> None:
+    """Try all draws of an arm by some sides, and keep what they gave."""
+    path = OUT / f'{arm}.json'
+    kept: dict[str, Any] = {}
+    if path.exists():
+        kept = json.loads(path.read_text(encoding='utf-8'))
+    if kept.get('count') != count:
+        kept = {'count': count, 'own': {}, 'others': {}}
+    if OWN in sides:
+        kept['own'] = try_own(arm, count)
     # The slowest first.
-    libraries = sorted(OTHERS, key=lambda one: one.label != 'Pink')
+    libraries = [one for one in reversed(OTHERS) if one.label in sides]
     one = partial(reached, arm=arm, count=count, seconds=SECONDS, close=CLOSE)
     with ThreadPoolExecutor(2) as threads:
         for library, shares in zip(libraries, threads.map(one, libraries), strict=True):
             kept['others'][library.label] = shares
     OUT.mkdir(parents=True, exist_ok=True)
-    (OUT / f'{arm}.json').write_text(json.dumps(kept), encoding='utf-8')
+    path.write_text(json.dumps(kept), encoding='utf-8')
+
+
+def try_own(arm: str, count: int) -> dict[str, dict[str, float]]:
+    """Summaries of the cases of an arm by their levels."""
+    found = {}
+    with multiprocessing.get_context('spawn').Pool(2) as pool:
+        for case in cases(arm):
+            chunks = [range(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)]
+            jobs = [Job(case, chunk, count) for chunk in chunks]
+            tried = [one for some in pool.imap(outcomes, jobs) for one in some]
+            found[case.levels] = summary(tried)
+    return found
 
 
 def summary(tried: Sequence[Outcome]) -> dict[str, float]:
@@ -230,10 +244,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('--arms', nargs='*', choices=ARMS, default=list(ARMS), help='(all)')
     parser.add_argument('--count', type=int, default=200, help='draws per arm (%(default)s)')
+    sides = [OWN, *(one.label for one in OTHERS)]
+    parser.add_argument('--sides', nargs='+', choices=sides, default=sides, help='(all)')
     parser.add_argument('--write', action='store_true', help='write docs/real_arms.md')
     arguments = parser.parse_args()
     for arm in arguments.arms:
-        try_arm(arm, arguments.count)
+        try_arm(arm, arguments.count, arguments.sides)
     show(OUT)
     if arguments.write:
         write(OUT)

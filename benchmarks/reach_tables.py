@@ -35,8 +35,8 @@ SAID_OF_OTHERS = (
     'Reached: as above. Around: with a way around, in up to 30 s; then, for the goals that the '
     'straight way does not lead to, medians of the time to find configurations, the time to plan '
     'a way, and the length of the motion over that of the straight line in joint space. OInK, '
-    'PlaCo and Pink: with the same gains, ranges and speeds, 10 s per goal; a number, or – '
-    'where levels cannot be had.'
+    'PlaCo and Pink: 10 s per goal with the same gains, ranges and speeds, and no limits of '
+    'acceleration, which PlaCo does not have; –: the levels cannot be had.'
 )
 IMPOSSIBLE = {('OInK', 'position, orientation')}
 """All six rows of a frame are projected out below a position of OInK: nothing is left of the
@@ -69,7 +69,7 @@ def _tables(console: Console, kept: dict[str, Any]) -> None:
             cells = [f'{own["arrived"]:.1f}', f'{own["around"]:.1f}']
             cells += [_number(own[key], 3) for key in ('find', 'plan')]
             cells += [_number(own['length'], 2)]
-            cells += [_share(name, levels, found['others'][name][levels]) for name in OTHERS]
+            cells += [_share(name, levels, found['others']) for name in OTHERS]
             second.add_row(ARMS[arm], levels, *cells)
         first.add_section()
         second.add_section()
@@ -85,7 +85,8 @@ def _number(value: float, digits: int) -> str:
     return '–' if math.isnan(value) else f'{value:.{digits}f}'
 
 
-def _share(name: str, levels: str, share: float | str) -> str:
+def _share(name: str, levels: str, others: dict[str, Any]) -> str:
+    share = others.get(name, {}).get(levels, 'not tried')
     if isinstance(share, str) or (name, levels) in IMPOSSIBLE:
         return '–'
     return f'{share:.1f}'
