@@ -283,6 +283,16 @@ def test_the_planner_of_a_process_plans_and_comes_back_after_it_was_killed():
         remote.close()
 
 
+def test_a_task_above_that_only_a_lower_rate_loses_is_held_on_the_straight_way():
+    planner = Planner(parameters('panda_table') | UPRIGHT)
+    stack = planner.stack
+    start = solve(stack, {'hand_position': [0.3, 0.0, 0.3]}, READY).best.q
+    goals = {'hand_position': [0.0, 0.55, 0.3]}
+    planner._copy_targets(planner._coarse)
+    assert look_ahead(planner._coarse, goals, start, {'hand_position': 1e-3}).lost == ('down',)
+    assert planner.plan(goals, start, {'hand_position': 1e-3}).kind is Kind.STRAIGHT
+
+
 def test_a_base_that_moves_is_refused():
     stack = build_settings(parameters('mobile_planar')).stack
     q = stack.robot.neutral
