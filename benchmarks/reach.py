@@ -10,9 +10,10 @@ simulator's joints move on within their speeds and ranges. Every draw is tried f
 - with joints that have speeds but no ends of their ranges;
 - from the posture of the file in place of the random start.
 
-OInK, PlaCo and Pink get the same starts and goals (benchmarks/reach_others.py). What an arm gave
-is kept in out/reach, so that arms can be tried one at a time; ``--write`` puts the tables of
-all that are kept into docs/real_arms.md.
+OInK, PlaCo and Pink get the same starts and goals (benchmarks/reach_others.py). What a case or a
+library gave is kept in out/reach and not tried again, so that the whole can be done in pieces, by
+``--arms`` and ``--sides`` or by ending and calling it again. ``--write`` puts the tables into
+docs/real_arms.md; without out/reach all is tried anew.
 """
 
 import argparse
@@ -22,8 +23,6 @@ import multiprocessing
 import os
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from typing import Any, NamedTuple
 
 # One thread per process: small matrices gain nothing from more.
@@ -194,35 +193,26 @@ def outcomes(job: Job) -> list[Outcome]:
 
 
 def try_arm(arm: str, count: int, sides: Sequence[str]) -> None:
-    """Try all draws of an arm by some sides, and keep what they gave."""
+    """Try all draws of an arm by some sides; what is kept already is not tried again."""
     path = OUT / f'{arm}.json'
     kept: dict[str, Any] = {}
     if path.exists():
         kept = json.loads(path.read_text(encoding='utf-8'))
     if kept.get('count') != count:
         kept = {'count': count, 'own': {}, 'others': {}}
-    if OWN in sides:
-        kept['own'] = try_own(arm, count)
-    # The slowest first.
-    libraries = [one for one in reversed(OTHERS) if one.label in sides]
-    one = partial(reached, arm=arm, count=count, seconds=SECONDS, close=CLOSE)
-    with ThreadPoolExecutor(2) as threads:
-        for library, shares in zip(libraries, threads.map(one, libraries), strict=True):
-            kept['others'][library.label] = shares
     OUT.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(kept), encoding='utf-8')
-
-
-def try_own(arm: str, count: int) -> dict[str, dict[str, float]]:
-    """Summaries of the cases of an arm by their levels."""
-    found = {}
+    left = [case for case in cases(arm) if case.levels not in kept['own'] and OWN in sides]
     with multiprocessing.get_context('spawn').Pool(2) as pool:
-        for case in cases(arm):
+        for case in left:
             chunks = [range(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)]
             jobs = [Job(case, chunk, count) for chunk in chunks]
             tried = [one for some in pool.imap(outcomes, jobs) for one in some]
-            found[case.levels] = summary(tried)
-    return found
+            kept['own'][case.levels] = summary(tried)
+            path.write_text(json.dumps(kept), encoding='utf-8')
+    for library in OTHERS:
+        if library.label in sides and library.label not in kept['others']:
+            kept['others'][library.label] = reached(library, arm, count, SECONDS, CLOSE)
+            path.write_text(json.dumps(kept), encoding='utf-8')
 
 
 def summary(tried: Sequence[Outcome]) -> dict[str, float]:

@@ -103,11 +103,12 @@ def write(folder: Path) -> None:
     Raises
     ------
     SystemExit
-        If an arm is missing.
+        If a part is missing.
     """
     kept = _kept(folder)
-    if missing := [arm for arm in ARMS if arm not in kept]:
-        raise SystemExit(f'not written: nothing is kept of {", ".join(missing)}')
+    whole = [arm for arm, one in kept.items() if len(one['own']) == 3 and len(one['others']) == 3]
+    if missing := [arm for arm in ARMS if arm not in whole]:
+        raise SystemExit(f'not written: not all is tried of {", ".join(missing)}')
     console = Console(width=WIDTH, file=io.StringIO(), record=True)
     _tables(console, kept)
     text = PAGE.read_text(encoding='utf-8')
