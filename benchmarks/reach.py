@@ -9,39 +9,43 @@ simulator's joints move on within their speeds and ranges. Every draw is tried f
 - with a way around, as `~/reach` with ``around`` goes it (benchmarks/around.py has more);
 - with joints that have speeds but no ends of their ranges;
 - from the posture of the file in place of the random start.
+
+OInK, PlaCo and Pink get the same starts and goals (benchmarks/reach_others.py). What a case or a
+library gave is kept in out/reach and not tried again, so that the whole can be done in pieces, by
+``--arms`` and ``--sides`` or by ending and calling it again. ``--write`` puts the tables into
+docs/real_arms.md; without out/reach all is tried anew.
 """
 
 import argparse
+import json
 import math
 import multiprocessing
 import os
 from collections import Counter
 from collections.abc import Sequence
-from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 # One thread per process: small matrices gain nothing from more.
 os.environ.update({f'{name}_NUM_THREADS': '1' for name in ('OMP', 'OPENBLAS', 'MKL')})
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
+from around_motion import CLOSE, CONFIG, pursue
+from around_motion import Case as Around
+from draws import ARMS, draw
+from reach_others import OTHERS, OUT, reached
+from reach_tables import show, write
 
 from tp_controller.config import build_settings, read_parameter_file
-from tp_controller.robot import Limits, Robot
+from tp_controller.robot import Limits
 from tp_controller.stack import Stack
 from tp_controller.tasks import PoseTask, PostureTask, Task
 from tp_sim.integrator import Integrator
 
-CONFIG = Path(__file__).resolve().parent.parent / 'config'
-ARMS = {'panda': 'Panda', 'ur5': 'UR5', 'kinova': 'Kinova'}
-SEED = 1
 SECONDS = 10.0
 LATE = 40.0
 """Time [s] after which a run that has not arrived is given up."""
-CLOSE = np.array([1e-3, np.radians(0.1)])
-"""Largest distance [m] and angle [rad] of a goal that is reached."""
 CHUNK = 10
+OWN = 'own'
 
 ARRIVED, SLOW, LIMIT, SINGULAR, OTHER = 'arrived', 'late', 'end', 'singular', 'other'
 
@@ -81,6 +85,13 @@ class Outcome(NamedTuple):
     """Whether the goal is reached from the posture."""
     around: bool
     """Whether the goal is reached with a way around."""
+    find: float
+    """Time [s] to find configurations,"""
+    plan: float
+    """and to plan a way; 0 where the straight way is taken."""
+    length: float
+    """Length of the motion around over that of the straight line in joint space, NaN where the
+    straight way is taken."""
 
 
 def cases(arm: str) -> list[Case]:
@@ -94,15 +105,6 @@ def cases(arm: str) -> list[Case]:
         Case(arm, arm, (position, posture)),
         *(Case(arm, file, hierarchy) for file, hierarchy in hierarchies.items()),
     ]
-
-
-def draw(robot: Robot, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Starts and configurations of goals (count, n) [rad]."""
-    limits = robot.limits
-    lower = np.where(np.isinf(limits.position_min), -np.pi, limits.position_min)
-    upper = np.where(np.isinf(limits.position_max), np.pi, limits.position_max)
-    pairs = np.random.default_rng(SEED).uniform(lower, upper, (count, 2, robot.n))
-    return pairs[:, 0], pairs[:, 1]
 
 
 class Pursuit:
@@ -154,10 +156,6 @@ def _tolerance(task: Task) -> np.ndarray:
 
 def outcomes(job: Job) -> list[Outcome]:
     """Try some draws."""
-    # It has its draws from here.
-    from around import Case as Around
-    from around import pursue
-
     names = job.case.hierarchy[:-1]
     levels = (('hierarchy', list(job.case.hierarchy)),)
     way = Around(f'{job.case.file} {job.case.levels}', job.case.file, names, levels)
@@ -186,53 +184,65 @@ def outcomes(job: Job) -> list[Outcome]:
         if not arrived:
             ending = SLOW if pursuit.run(LATE) else pursuit.cause()
         from_posture = Pursuit(stack, posture, limits, dt).run(SECONDS)
-        reached = pursue(way, starts[i], targets).reached
-        result.append(Outcome(ending, without_ends, from_posture, reached))
+        gone = pursue(way, starts[i], targets)
+        length = gone.length / max(gone.direct, 1e-3) if gone.kind == 'around' else math.nan
+        result.append(
+            Outcome(ending, without_ends, from_posture, gone.reached, *gone.seconds[1:], length)
+        )
     return result
 
 
-def run(arms: Sequence[str], count: int) -> None:
-    """Try all draws and print the table."""
-    console = Console(width=108)
-    table = Table(title=f'Goals reached within 1 mm and 0.1° in {SECONDS:g} s [%]')
-    table.add_column('arm')
-    table.add_column('over the posture', no_wrap=True)
-    table.add_column('reached', justify='right')
-    table.add_column('around', justify='right')
-    for ending in (SLOW, LIMIT, SINGULAR, OTHER):
-        table.add_column(ending, justify='right')
-    table.add_column('no ends', justify='right')
-    table.add_column('from it', justify='right')
+def try_arm(arm: str, count: int, sides: Sequence[str]) -> None:
+    """Try all draws of an arm by some sides; what is kept already is not tried again."""
+    path = OUT / f'{arm}.json'
+    kept: dict[str, Any] = {}
+    if path.exists():
+        kept = json.loads(path.read_text(encoding='utf-8'))
+    if kept.get('count') != count:
+        kept = {'count': count, 'own': {}, 'others': {}}
+    OUT.mkdir(parents=True, exist_ok=True)
+    left = [case for case in cases(arm) if case.levels not in kept['own'] and OWN in sides]
     with multiprocessing.get_context('spawn').Pool(2) as pool:
-        for arm in arms:
-            for case in cases(arm):
-                chunks = [range(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)]
-                jobs = [Job(case, chunk, count) for chunk in chunks]
-                tried = [one for some in pool.imap(outcomes, jobs) for one in some]
-                endings = Counter(one.ending for one in tried)
-                shares = [endings[ARRIVED], sum(one.around for one in tried)]
-                shares += [endings[name] for name in (SLOW, LIMIT, SINGULAR, OTHER)]
-                shares += [sum(one.without_ends for one in tried)]
-                shares += [sum(one.from_posture for one in tried)]
-                percent = [f'{100.0 * share / count:.1f}' for share in shares]
-                table.add_row(ARMS[arm], case.levels, *percent)
-            table.add_section()
-    console.print(table)
-    console.print(
-        f'{count} draws per arm; position alone: within 1 mm. Not reached in time: late, there '
-        f'after {LATE:g} s; end, a joint was held at the end of its range in the last second; '
-        'singular, in the region where damping acts. No ends: the same draws where joints have '
-        'speeds but no ends. From it: the same goals from the posture. Around: with a way '
-        'around, in up to 30 s.'
-    )
+        for case in left:
+            chunks = [range(i, min(i + CHUNK, count)) for i in range(0, count, CHUNK)]
+            jobs = [Job(case, chunk, count) for chunk in chunks]
+            tried = [one for some in pool.imap(outcomes, jobs) for one in some]
+            kept['own'][case.levels] = summary(tried)
+            path.write_text(json.dumps(kept), encoding='utf-8')
+    for library in OTHERS:
+        if library.label in sides and library.label not in kept['others']:
+            kept['others'][library.label] = reached(library, arm, count, SECONDS, CLOSE)
+            path.write_text(json.dumps(kept), encoding='utf-8')
+
+
+def summary(tried: Sequence[Outcome]) -> dict[str, float]:
+    """Shares [%] and medians of a case."""
+    endings = Counter(one.ending for one in tried)
+    counts = {name: endings[name] for name in (ARRIVED, SLOW, LIMIT, SINGULAR, OTHER)}
+    counts['around'] = sum(one.around for one in tried)
+    counts['no ends'] = sum(one.without_ends for one in tried)
+    counts['from it'] = sum(one.from_posture for one in tried)
+    found = {name: 100.0 * number / len(tried) for name, number in counts.items()}
+    not_straight = [one for one in tried if not math.isnan(one.length)]
+    for name in ('find', 'plan', 'length'):
+        values = [getattr(one, name) for one in not_straight]
+        found[name] = float(np.median(values)) if values else math.nan
+    return found
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--arms', nargs='+', choices=ARMS, default=list(ARMS), help='(all)')
+    parser.add_argument('--arms', nargs='*', choices=ARMS, default=list(ARMS), help='(all)')
     parser.add_argument('--count', type=int, default=200, help='draws per arm (%(default)s)')
+    sides = [OWN, *(one.label for one in OTHERS)]
+    parser.add_argument('--sides', nargs='+', choices=sides, default=sides, help='(all)')
+    parser.add_argument('--write', action='store_true', help='write docs/real_arms.md')
     arguments = parser.parse_args()
-    run(arguments.arms, arguments.count)
+    for arm in arguments.arms:
+        try_arm(arm, arguments.count, arguments.sides)
+    show(OUT)
+    if arguments.write:
+        write(OUT)
 
 
 if __name__ == '__main__':

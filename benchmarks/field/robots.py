@@ -86,6 +86,38 @@ def spatial(n: int, seed: int = 0) -> Arm:
     return _chain('chain', origins, {'xyz': '0.05 0 0'})
 
 
+def bare(urdf: str, limits: Mapping[str, tuple[float, float, float]]) -> Arm:
+    """Return an arm without shapes whose joints have these ends and speeds; others are held.
+
+    Parameters
+    ----------
+    urdf
+        Description.
+    limits
+        Lower and upper end [rad] and speed [rad/s] by joint, in the order of the joints;
+        infinite ends become so wide that they count as none.
+    """
+    robot = Element('robot', name='arm')
+    for part in ElementTree.fromstring(urdf):
+        if part.tag not in KEPT:
+            continue
+        kept = copy.deepcopy(part)
+        for tag in ('visual', 'collision', 'safety_controller', 'dynamics', 'mimic'):
+            for element in kept.findall(tag):
+                kept.remove(element)
+        if kept.tag == 'joint' and kept.get('type') != 'fixed':
+            ends = limits.get(str(kept.get('name')))
+            kept.set('type', 'fixed' if ends is None else 'revolute')
+            for element in kept.findall('limit'):
+                kept.remove(element)
+            if ends is not None:
+                lower, upper, speed = (str(min(max(x, -UNLIMITED), UNLIMITED)) for x in ends)
+                values = {'lower': lower, 'upper': upper, 'velocity': speed, 'effort': '100'}
+                SubElement(kept, 'limit', values)
+        robot.append(kept)
+    return Arm(_text(robot), tuple(limits))
+
+
 def without_limits(arm: Arm) -> Arm:
     """Return the same arm with limits so wide that they count as none."""
     robot = ElementTree.fromstring(arm.urdf)

@@ -19,6 +19,9 @@ import numpy as np
 LOWER = 0.1
 """Weight of a level over that of the level above it, for sides without strict priority."""
 
+STILL, STEPS_STILL = 1e-5, 50
+"""A pursuit ends that is slower [rad/s] than this in so many steps."""
+
 
 class CannotDo(Exception):
     """The library has no such task, limit or shape; the message says which."""
@@ -135,7 +138,35 @@ class Server:
         }
         wanted = self._scenario['problems'][problem]['levels']
         goals = {name: goals[name] for names in wanted for name in names}
+        if kind == 'pursuit':
+            return self._pursue(self._made[key], goals, range(start, stop))
         return self._run(self._made[key], goals, range(start, stop), kind == 'velocities')
+
+    def _pursue(self, problem: Problem, goals: dict[str, Any], draws: range) -> dict[str, Any]:
+        """Let joints follow from state i to goal i; where they are in the end, and what failed.
+
+        They have the velocities of the steps at once, inside their ranges and speeds, and no
+        velocity where a step fails.
+        """
+        closed, period = self._scenario['pursuit'], self._scenario['period']
+        low, high, fastest = (np.array(closed[name]) for name in ('low', 'high', 'velocity'))
+        ends, failed, reason = [], 0, ''
+        for i in draws:
+            q, qd, still = self._arrays['states'][i].copy(), np.zeros(low.size), 0
+            for _ in range(closed['steps']):
+                problem.aim({name: values[i] for name, values in goals.items()}, q)
+                problem.begin(qd)
+                try:
+                    qd = np.clip(problem.step(q), -fastest, fastest)
+                except Exception as error:  # every library has errors of its own
+                    qd, reason = np.zeros(low.size), f'{type(error).__name__}: {error}'
+                    failed += 1
+                q = np.clip(q + period * qd, low, high)
+                still = still + 1 if np.abs(qd).max() < STILL else 0
+                if still == STEPS_STILL:
+                    break
+            ends.append([float(x) for x in q])
+        return {'ends': ends, 'failed': failed, 'reason': reason}
 
     def _run(
         self, problem: Problem, goals: dict[str, Any], steps: range, tell: bool

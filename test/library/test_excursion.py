@@ -16,6 +16,7 @@ from tp_controller import (
 )
 from tp_controller.planning import Kind, Planner
 from tp_controller.planning.excursion import Excursion
+from tp_controller.planning.timing import timed
 from tp_controller.robot.draws import random_configuration
 
 CONFIG = Path(__file__).resolve().parents[2] / 'config'
@@ -130,6 +131,19 @@ def test_a_name_that_the_stack_has_is_refused_and_changes_nothing():
     with pytest.raises(InvalidValue):
         stack.take_over(task, ['hand_pose'])
     assert stack.stand_in is None
+
+
+def test_the_way_waits_while_no_joint_states_come():
+    stack = build_settings(parameters('panda_pose')).stack
+    q = np.array([0.0, -0.785, 0.0, -2.356, 0.0, 1.571, 0.785])
+    excursion = Excursion(stack, ['hand_pose'])
+    excursion.follow(timed(np.array([q, q + 0.5]), stack.robot.limits))
+    for _ in range(5):
+        excursion.advance(DT)
+        q = q + DT * stack.step(q).command
+    before = excursion.time
+    excursion.advance(1.0)
+    assert excursion.time - before <= 0.1 + 1e-9
 
 
 def test_a_way_that_is_held_up_is_told():

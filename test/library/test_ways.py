@@ -15,7 +15,8 @@ from tp_controller import InvalidValue, Limits, build_settings, read_parameter_f
 from tp_controller.planning import Kind, Phase, Planner, find_way, look_ahead, solve
 from tp_controller.planning.clear import Clear
 from tp_controller.planning.conditions import Conditions
-from tp_controller.planning.process import Failed, RemotePlanner, Request, asked_parameters
+from tp_controller.planning.messages import Failed, Request, asked_parameters
+from tp_controller.planning.remote import RemotePlanner
 from tp_controller.planning.timing import SHARE, timed
 from tp_controller.robot.draws import random_configuration
 
@@ -274,13 +275,22 @@ def test_the_planner_of_a_process_plans_and_comes_back_after_it_was_killed():
 
     try:
         assert ask(1).plan.kind is Kind.STRAIGHT
-        remote._process.kill()
-        remote._process.wait()
+        remote.kill()
         while not any(isinstance(reply, Failed) for _, reply in remote.take()):
             time.sleep(0.01)
         assert ask(2).plan.kind is Kind.STRAIGHT
     finally:
         remote.close()
+
+
+def test_a_task_above_that_only_a_lower_rate_loses_is_held_on_the_straight_way():
+    planner = Planner(parameters('panda_table') | UPRIGHT)
+    stack = planner.stack
+    start = solve(stack, {'hand_position': [0.3, 0.0, 0.3]}, READY).best.q
+    goals = {'hand_position': [0.0, 0.55, 0.3]}
+    planner._copy_targets(planner._coarse)
+    assert look_ahead(planner._coarse, goals, start, {'hand_position': 1e-3}).lost == ('down',)
+    assert planner.plan(goals, start, {'hand_position': 1e-3}).kind is Kind.STRAIGHT
 
 
 def test_a_base_that_moves_is_refused():

@@ -5,24 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from arm_among_circles import FREE, LEVELS, arm_among_circles
 from std_srvs.srv import SetBool
 from visualization_msgs.msg import MarkerArray
 
 from tp_interfaces.action import Reach
-from tp_sim.harness import ClosedLoop
 
-PATIENT = {'timeouts': {'joint_state': 60.0}}
-"""Joint states do not stop because the test is slow."""
-FAST = {'robot': {'limits': {'velocity': [3.0], 'acceleration': [10.0]}}}
-TASKS = {
-    'tasks': {
-        'ee_position': {'gain': [4.0]},
-        'other': {'type': 'position', 'frame': 'link_3', 'axes': 'xy', 'around': True},
-        'posture': {'type': 'posture', 'gain': [4.0]},
-    }
-}
-LEVELS = ['joint_1_range', 'obstacle_1', 'obstacle_2', 'obstacle_3', 'ee_position', 'posture']
-FREE = [1.0, 0.6]
 BEHIND = [0.09, -0.65]
 """The straight way ends at a joint's range and two circles."""
 INSIDE = [0.1, 0.97]
@@ -34,9 +22,9 @@ Result = Reach.Result
 
 @pytest.fixture(scope='module')
 def running(config):
-    """An arm among three circles, with limits of range, speed and acceleration."""
-    changes = {'/**': FAST, 'tp_controller': PATIENT | TASKS | {'hierarchy': LEVELS}}
-    with ClosedLoop(config / 'b3_pressed.yaml', changes) as loop:
+    """An arm among three circles."""
+    other = {'type': 'position', 'frame': 'link_3', 'axes': 'xy', 'around': True}
+    with arm_among_circles(config, other=other) as loop:
         yield loop
 
 
@@ -196,10 +184,28 @@ def test_a_time_limit_counts_while_it_looks(loop):
 def test_an_obstacle_that_moves_makes_it_look_again(loop):
     call = start(loop, BEHIND)
     step_until(loop, lambda: follows(loop))
-    loop.send_goal('obstacle_1', [0.0, 1.05])
+    loop.step(20)
+    x, y = loop.client.task('ee_position').current
+    # The arm comes from above.
+    loop.send_goal('obstacle_1', [x, y - 0.55])
     step_until(loop, lambda: 'following' not in loop.state.message)
     step_until(loop, lambda: follows(loop) or call.result is not None)
     assert loop.finish(call).outcome == Result.REACHED
+    loop.send_goal('obstacle_1', [0.0, 1.0])
+
+
+@pytest.mark.parametrize('speed', [0.0, 1e-2])
+def test_an_obstacle_that_does_not_come_nearer_is_no_matter(loop, speed):
+    call = start(loop, BEHIND)
+    for i in range(100):
+        loop.send_goal('obstacle_1', [0.0, 1.0 + speed * i])
+        loop.step(3)
+        if call.result is not None:
+            break
+    assert call.result is not None
+    assert call.wait().outcome == Result.REACHED
+    said = phases(call)
+    assert 'looking ahead' not in said[said.index('following') :]
     loop.send_goal('obstacle_1', [0.0, 1.0])
 
 

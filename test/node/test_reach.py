@@ -4,33 +4,21 @@ import signal
 
 import numpy as np
 import pytest
+from arm_among_circles import FAST, FREE, LEVELS, PATIENT, arm_among_circles
 from std_srvs.srv import SetBool
 
 from tp_interfaces.action import Reach
 from tp_interfaces.msg import Cause
 from tp_sim.harness import ClosedLoop, NodeProcess
 
-PATIENT = {'timeouts': {'joint_state': 60.0}}
-"""Joint states do not stop because the test is slow."""
-FAST = {'robot': {'limits': {'velocity': [3.0], 'acceleration': [10.0]}}}
-TASKS = {
-    'tasks': {
-        'ee_position': {'gain': [4.0]},
-        'posture': {'type': 'posture', 'gain': [4.0]},
-        'idle': {'type': 'posture'},
-    }
-}
-LEVELS = ['joint_1_range', 'obstacle_1', 'obstacle_2', 'obstacle_3', 'ee_position', 'posture']
-FREE = [1.0, 0.6]
 PERIOD = 1.0 / 60.0
 Result = Reach.Result
 
 
 @pytest.fixture(scope='module')
 def running(config):
-    """An arm among three circles, with limits of range, speed and acceleration."""
-    changes = {'/**': FAST, 'tp_controller': PATIENT | TASKS | {'hierarchy': LEVELS}}
-    with ClosedLoop(config / 'b3_pressed.yaml', changes) as loop:
+    """An arm among three circles."""
+    with arm_among_circles(config, idle={'type': 'posture'}) as loop:
         yield loop
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tp_controller.planning.ahead import HOLDS
 from tp_controller.planning.conditions import Conditions
+from tp_controller.trajectory import VectorPath
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -127,6 +128,20 @@ class Clear:
                 return None
             share += max(free, least)
         return np.array([first, last])
+
+    def along(self, path: VectorPath, begin: float) -> bool:
+        """Whether a way in time is clear from a time [s] on."""
+        # Between two points in time velocities change at a constant rate.
+        speed = np.abs([path.at(float(time))[1] for time in path.times]).max(axis=0)
+        least = SHORTEST / max(float(speed.max(initial=0.0)), 1e-12)
+        time, end = begin, float(path.times[-1])
+        while time < end:
+            # The share of the way of one second.
+            free = self._look(path.at(time)[0], speed)
+            if free < 0.0:
+                return False
+            time += max(free, least)
+        return self._look(path.at(end)[0]) >= 0.0
 
     def fine(self, points: Matrix) -> Matrix | None:
         """Points (m, nq) of a way with projected ones in between, where tasks hold on it.

@@ -26,6 +26,8 @@ SLOWING = 0.25
 """time [s] in which it comes to that."""
 STALLED = 2.0
 """Time [s] without a tenth of that time of progress on the way, after which it is stuck."""
+GAP = 0.1
+"""Largest time [s] between two steps that counts for the way."""
 NEAR = 1e-3
 """Error [rad, m] of a joint at the end of the way that is near enough,"""
 PATIENCE = 1.0
@@ -85,6 +87,11 @@ class Excursion:
         return self._path is not None
 
     @property
+    def time(self) -> float:
+        """Time [s] on the way; 0 without one."""
+        return self._time
+
+    @property
     def time_left(self) -> float:
         """Time [s] to the end of the way at full speed; 0 without one."""
         return 0.0 if self._path is None else max(0.0, self._path.duration - self._time)
@@ -109,6 +116,8 @@ class Excursion:
             return
         if not np.isfinite(seconds):
             seconds = 0.0
+        # Without joint states the arm has come to rest.
+        seconds = min(GAP, max(-GAP, seconds))
         if self._begun:
             if seconds > 0.0:
                 beside = float(np.abs(task.error).max())

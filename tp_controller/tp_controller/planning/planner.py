@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from tp_controller.config import START, Settings, build_settings, build_stack
 from tp_controller.planning import ahead, search, way
 from tp_controller.planning.ahead import Ahead, look_ahead
+from tp_controller.planning.clear import Clear
 from tp_controller.planning.conditions import Conditions, check_goals
 from tp_controller.planning.search import Answer, Solution, solve
 from tp_controller.planning.way import Way, find_way
 from tp_controller.robot import Robot
 from tp_controller.stack import Stack
 from tp_controller.tasks import SetBasedTask
+from tp_controller.trajectory import VectorPath
 
 Vector = NDArray[np.float64]
 
@@ -102,9 +104,10 @@ class Planner:
         )
         self.stack: Stack = self._settings.stack
         self.robot: Robot = self.stack.robot
-        self._fast = self._coarse()
+        self._coarse = self._slower()
+        self._fine: Stack | None = None
 
-    def _coarse(self) -> Stack:
+    def _slower(self) -> Stack:
         """Stack of a lower rate for the look ahead, which keeps the same distances."""
         values, rate = dict(self._settings.values), self._settings.values['rate']
         guards = [task for task in self.stack.tasks.values() if isinstance(task, SetBasedTask)]
@@ -162,8 +165,7 @@ class Planner:
 
         if straight:
             tell(Phase.AHEAD)
-            self._same_targets()
-            found = look_ahead(self._fast, goals, q, tolerances, ahead.LONGEST, stop)
+            found = self._look_ahead(goals, q, tolerances, stop)
             end(Phase.AHEAD)
             if found.reached:
                 return Plan(Kind.STRAIGHT, found, seconds=seconds)
@@ -183,6 +185,35 @@ class Planner:
             Kind.NONE if path is None else Kind.AROUND, found, answer, path, seconds=seconds
         )
 
+    def is_clear(
+        self,
+        goals: Mapping[str, Sequence[float] | Vector],
+        q: Vector,
+        path: VectorPath,
+        begin: float,
+    ) -> bool:
+        """Whether what is left of a way keeps all distances, with obstacles as they are now.
+
+        Parameters
+        ----------
+        goals
+            Target (target_size,) by task of the hierarchy.
+        q
+            Present configuration (nq,) [rad, m]; what is nearer than it has to be there may be
+            as near on the way.
+        path
+            The way.
+        begin
+            Time [s] on it from which on it is looked at.
+
+        Raises
+        ------
+        InvalidValue
+            If a goal or the configuration cannot be used.
+        """
+        with Conditions(self.stack, goals, q) as conditions:
+            return Clear(conditions).along(path, begin)
+
     def _find(
         self,
         goals: Mapping[str, Sequence[float] | Vector],
@@ -194,11 +225,32 @@ class Planner:
         with Conditions(self.stack, goals, q) as conditions:
             return find_way(conditions, solutions, seconds, stop)
 
-    def _same_targets(self) -> None:
-        """Give the stack of the look ahead the targets of the other."""
+    def _look_ahead(
+        self,
+        goals: Mapping[str, Sequence[float] | Vector],
+        q: Vector,
+        tolerances: Mapping[str, float] | None,
+        stop: Callable[[], bool],
+    ) -> Ahead:
+        """Look ahead at a lower rate, and at the rate of the stack if something is lost by that.
+
+        What a step misses of a task by its curvature grows with the square of the period.
+        """
+        self._copy_targets(self._coarse)
+        found = look_ahead(self._coarse, goals, q, tolerances, ahead.LONGEST, stop)
+        own = self.stack.safety_filter.period
+        if not found.lost or own >= self._coarse.safety_filter.period or stop():
+            return found
+        if self._fine is None:
+            self._fine = build_stack(self.robot, self._settings.values)
+        self._copy_targets(self._fine)
+        return look_ahead(self._fine, goals, q, tolerances, ahead.LONGEST, stop)
+
+    def _copy_targets(self, stack: Stack) -> None:
+        """Give a stack of the look ahead the targets of the other."""
         for name, task in self.stack.tasks.items():
-            other = self._fast.tasks[name]
+            other = stack.tasks[name]
             if task.target_size and task.target is not None:
                 other.target = task.target
             elif task.target_size and not task.set_based:
-                self._fast.aim_at_present(other)
+                stack.aim_at_present(other)

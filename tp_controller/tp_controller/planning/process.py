@@ -1,7 +1,7 @@
 """A planner in a process of its own: one request at a time, and the newest counts.
 
 `main` reads requests from the standard input and writes replies to the standard output, both
-pickled. `RemotePlanner` starts it and talks to it by threads: no call of it waits.
+pickled. `RemotePlanner` starts it and talks to it.
 """
 
 from __future__ import annotations
@@ -10,140 +10,26 @@ import contextlib
 import os
 import pickle
 import queue
-import subprocess
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.config import Settings
-from tp_controller.config.changes import HIERARCHY
 from tp_controller.errors import TaskPriorityError
 from tp_controller.parameters import Flat
+from tp_controller.planning.messages import Failed, Found, Judged, Reply, Request
 from tp_controller.planning.planner import Phase, Plan, Planner
-from tp_controller.stack import Stack
 
-Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-MODULE = 'tp_controller.planning'
 COURTESY = 5
 """Added to the niceness of the process."""
 PLACES = 100
 """Points of a way that are shown."""
-
-
-class Request(NamedTuple):
-    """What is asked of a planner."""
-
-    number: int
-    """Comes back with every reply."""
-    parameters: Flat
-    """Parameters of the controller by dotted key, without targets."""
-    description: str | None
-    """URDF for parameters that name no robot."""
-    targets: Mapping[str, Vector]
-    """Targets of all tasks that have one, centres of obstacles included."""
-    goals: Mapping[str, Vector]
-    tolerances: Mapping[str, float]
-    q: Vector
-    """Configuration (nq,) [rad, m] of the arm at rest."""
-    straight: bool
-    """Whether the straight way is looked at first."""
-
-
-class Found(NamedTuple):
-    """A plan, with what is shown of it."""
-
-    plan: Plan
-    places: Matrix
-    """Places (m, 3) [m] of the controlled frame along the way; none without a way."""
-
-
-class Failed(NamedTuple):
-    """Nothing can be planned."""
-
-    text: str
-
-
-Reply = Phase | Found | Failed
-
-
-class RemotePlanner:
-    """Talks to the process, which is started with the first request, or anew if it has ended."""
-
-    def __init__(self) -> None:
-        self._requests: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
-        self._replies: queue.SimpleQueue[tuple[int, Reply]] = queue.SimpleQueue()
-        self._thread: threading.Thread | None = None
-        self._process: subprocess.Popen[bytes] | None = None
-        self._number = 0
-
-    def ask(self, request: Request) -> None:
-        """Ask for a plan; a request before it is given up."""
-        self._number = request.number
-        self._requests.put(request)
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._write, name='planner', daemon=True)
-            self._thread.start()
-
-    def take(self) -> list[tuple[int, Reply]]:
-        """Replies that have come since the last call, with the numbers of their requests."""
-        found = []
-        while True:
-            try:
-                found.append(self._replies.get_nowait())
-            except queue.Empty:
-                return found
-
-    def close(self) -> None:
-        """End the process."""
-        if self._thread is not None:
-            self._requests.put(None)
-            self._thread = None
-        process = self._process
-        if process is not None:
-            process.kill()
-            process.wait()
-
-    def _write(self) -> None:
-        while (request := self._requests.get()) is not None:
-            try:
-                process = self._running()
-                assert process.stdin is not None
-                pickle.dump(request, process.stdin)
-                process.stdin.flush()
-            except (OSError, ValueError) as error:
-                self._replies.put((request.number, Failed(f'the planner has ended: {error}')))
-
-    def _running(self) -> subprocess.Popen[bytes]:
-        if self._process is None or self._process.poll() is not None:
-            environment = os.environ | {'PYTHONPATH': os.pathsep.join(filter(None, sys.path))}
-            self._process = subprocess.Popen(
-                [sys.executable, '-m', MODULE],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                env=environment,
-                # A Ctrl-C in the terminal is for this process alone.
-                start_new_session=True,
-            )
-            reader = threading.Thread(
-                target=self._read, args=(self._process,), name='plans', daemon=True
-            )
-            reader.start()
-        return self._process
-
-    def _read(self, process: subprocess.Popen[bytes]) -> None:
-        assert process.stdout is not None
-        try:
-            while True:
-                self._replies.put(pickle.load(process.stdout))
-        except Exception:  # whatever breaks the conversation ends it
-            self._replies.put((self._number, Failed('the planner has ended')))
 
 
 class _Worker:
@@ -155,12 +41,15 @@ class _Worker:
 
     def answer(
         self, request: Request, tell: Callable[[Phase], object], stop: Callable[[], bool]
-    ) -> Found | Failed:
-        """Make a plan."""
+    ) -> Found | Judged | Failed:
+        """Make a plan, or judge what is left of a way."""
         try:
             planner = self._fit(request)
             for name, target in request.targets.items():
                 planner.stack.tasks[name].target = target
+            if request.rest is not None:
+                path, begin = request.rest
+                return Judged(planner.is_clear(request.goals, request.q, path, begin))
             plan = planner.plan(
                 request.goals, request.q, request.tolerances, request.straight, tell, stop
             )
@@ -176,25 +65,6 @@ class _Worker:
             self._planner = Planner(_listed(request.parameters), request.description)
             self._key = key
         return self._planner
-
-
-def asked_parameters(settings: Settings) -> Flat:
-    """Parameters of a request: those of a controller as they are now, without targets."""
-    hierarchy = {HIERARCHY: tuple(settings.stack.hierarchy) or ('',)}
-    return {
-        key: value
-        for key, value in (settings.values | hierarchy).items()
-        if value not in (None, ()) and not (key.startswith('tasks.') and key.endswith('.target'))
-    }
-
-
-def asked_targets(stack: Stack) -> dict[str, Vector]:
-    """Targets of a request: those of all tasks that have one."""
-    return {
-        name: task.settings[0]
-        for name, task in stack.tasks.items()
-        if task.target_size and task.settings[0].size
-    }
 
 
 def _listed(parameters: Flat) -> dict[str, Any]:

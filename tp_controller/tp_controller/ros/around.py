@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from enum import Enum
 
 import numpy as np
@@ -12,16 +12,19 @@ from numpy.typing import NDArray
 from tp_controller.config import Settings
 from tp_controller.errors import plural
 from tp_controller.planning.excursion import Excursion
-from tp_controller.planning.planner import Kind, Phase
-from tp_controller.planning.process import (
+from tp_controller.planning.messages import (
     Failed,
     Found,
-    RemotePlanner,
+    Judged,
     Request,
     asked_parameters,
     asked_targets,
 )
+from tp_controller.planning.planner import Kind, Phase
+from tp_controller.planning.remote import SILENCE, RemotePlanner
 from tp_controller.ros.log import Log
+from tp_controller.ros.situation import Situation
+from tp_controller.trajectory import VectorPath
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -79,12 +82,15 @@ class Around:
         self._rearranged = rearranged
         self._planner = RemotePlanner()
         self._number = 0
-        self._asked = False
+        self._asked = self._waits = False
+        self._found: Found | None = None
+        """A way to be followed, if it is still clear."""
+        self._path: VectorPath
         self._excursion: Excursion | None = None
         self._goals: dict[str, Vector] = {}
         self._tolerances: dict[str, float] = {}
         self._straight, self._left = True, AGAIN
-        self._seen: tuple[object, ...] = ()
+        self._seen = Situation(self._stack)
         self._ended: Callable[[End, str], None] = _unused
         self.phase = ''
         self.places: Matrix = np.zeros((0, 3))
@@ -166,37 +172,50 @@ class Around:
         excursion = self._excursion
         if excursion is None:
             return
-        if self._situation() != self._seen:
+        if self._seen.rearranged:
             self._look_again()
         elif not self._asked:
             self._ask()
-        elif excursion.follows:
-            self._follow(excursion)
         else:
-            for number, reply in self._planner.take():
-                if number != self._number:
-                    continue
-                if isinstance(reply, Phase):
-                    self.phase = reply.value
-                else:
-                    self._take(excursion, reply)
-                    break
+            self._hear(excursion)
+            if excursion is self._excursion and excursion.follows:
+                self._follow(excursion)
 
-    def _situation(self) -> tuple[object, ...]:
-        """What a plan is made for: obstacles, levels, limits. Objects that are new if it is."""
-        stack = self._stack
-        targets = [task.settings[0] for task in stack.tasks.values() if task.set_based]
-        members = [task for level in stack.members for task in level]
-        return (_Same(targets), _Same(members), _Same([stack.robot.limits]), stack.hierarchy)
+    def _hear(self, excursion: Excursion) -> None:
+        """Do what the planner says."""
+        for number, reply in self._planner.take():
+            if number != self._number or not self._waits:
+                continue
+            if isinstance(reply, Phase):
+                self.phase = reply.value
+                continue
+            self._waits = False
+            if isinstance(reply, Judged):
+                self._go_on(excursion, reply.clear)
+            else:
+                self._take(excursion, reply)
+            return
+        if self._waits and self._planner.silent:
+            self._planner.kill()
+            self._fail(excursion, f'the planner has not answered for {SILENCE:g} s')
+
+    def _fail(self, excursion: Excursion, why: str) -> None:
+        """Do without an answer: whether a way is clear is not known then."""
+        self._waits = False
+        if excursion.follows:
+            self._look_again()
+        else:
+            self._give_up(why)
 
     def _look_again(self) -> None:
         """Bring the arm to rest; what is planned then is for the situation as it is by now."""
         assert self._excursion is not None
         self._excursion.stay()
         self._number += 1
-        self._asked = False
-        self._seen = self._situation()
+        self._asked = self._waits = False
+        self._found = None
         self.phase, self.places = Phase.AHEAD.value, np.zeros((0, 3))
+        self._seen = Situation(self._stack)
 
     def _ask(self) -> None:
         """Ask the planner once the arm rests."""
@@ -205,7 +224,17 @@ class Around:
             self._excursion.stay()
             return
         self._asked = True
-        self._planner.ask(self._request())
+        self._send(self._request())
+
+    def _send(self, request: Request) -> None:
+        """Ask the planner about the situation as it is by now."""
+        self._seen, self._waits = Situation(self._stack), True
+        self._planner.ask(request)
+
+    def _judge(self, path: VectorPath, begin: float) -> None:
+        """Ask whether a way is clear from a time [s] on it."""
+        self._number += 1
+        self._send(self._request()._replace(rest=(path, begin)))
 
     def _request(self) -> Request:
         return Request(
@@ -220,19 +249,39 @@ class Around:
         )
 
     def _take(self, excursion: Excursion, reply: Found | Failed) -> None:
-        """Do what the planner says."""
+        """Do what was planned."""
         if isinstance(reply, Failed):
-            self._give_up(reply.text)
+            self._fail(excursion, reply.text)
             return
         plan = reply.plan
+        if plan.kind is Kind.NONE and self._seen.moved and self._left > 1:
+            self._left -= 1
+            self._look_again()
+            return
         self._log.info(f'around for {", ".join(self._goals)}: {plan.text}')
         if plan.kind is Kind.STRAIGHT:
             self._finish()
         elif plan.way is None:
             self._give_up(plan.text)
+        elif self._seen.moved:
+            self._found = reply
+            self._judge(plan.way.path, 0.0)
         else:
-            excursion.follow(plan.way.path)
-            self.phase, self.places = 'following', reply.places
+            self._begin(excursion, reply)
+
+    def _go_on(self, excursion: Excursion, clear: bool) -> None:
+        """Follow a way that was judged, or look for another one."""
+        if not clear:
+            self._look_again()
+        elif self._found is not None:
+            self._begin(excursion, self._found)
+
+    def _begin(self, excursion: Excursion, found: Found) -> None:
+        """Follow a way from its beginning."""
+        assert found.plan.way is not None
+        self._path, self._found = found.plan.way.path, None
+        excursion.follow(self._path)
+        self.phase, self.places = 'following', found.places
 
     def _follow(self, excursion: Excursion) -> None:
         if excursion.over:
@@ -243,6 +292,8 @@ class Around:
                 self._give_up(f'held up on the way, {plural(AGAIN, "time")}')
             else:
                 self._look_again()
+        elif not self._waits and self._seen.moved:
+            self._judge(self._path, excursion.time)
 
     def _finish(self) -> None:
         ended = self._ended
@@ -253,22 +304,6 @@ class Around:
         ended = self._ended
         self.end()
         ended(End.NONE, why)
-
-
-class _Same:
-    """Objects that are compared by what they are, not by their values."""
-
-    def __init__(self, objects: Sequence[object]) -> None:
-        self._objects = list(objects)
-
-    def __eq__(self, other: object) -> bool:
-        return (
-            isinstance(other, _Same)
-            and len(self._objects) == len(other._objects)
-            and all(a is b for a, b in zip(self._objects, other._objects, strict=True))
-        )
-
-    __hash__ = None  # type: ignore[assignment]
 
 
 def _unused(*_: object) -> None:

@@ -185,9 +185,9 @@ class ControllerNode(ManagedNode):
 
         _ = tp_interfaces.action, rclpy.action
         yield
-        import tp_controller.planning.process
+        import tp_controller.planning.remote
 
-        _ = tp_controller.planning.process
+        _ = tp_controller.planning.remote
         yield
         from tp_controller.ros.around import Around
         from tp_controller.ros.reach import ReachServer
