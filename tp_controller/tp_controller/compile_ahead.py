@@ -107,9 +107,8 @@ def _caller(function: Callable[..., Any]) -> Callable[..., Any]:
     """
     lean = importlib.import_module('numba').njit(**compiled.LEAN)(function)
     names = ', '.join(inspect.signature(function).parameters)
-    scope: dict[str, Any] = {'lean': lean}
-    exec(f'def {function.__name__}({names}):\n    return lean({names})', scope)
-    caller: Callable[..., Any] = scope[function.__name__]
+    caller: Callable[..., Any] = eval(f'lambda {names}: lean({names})', {'lean': lean})
+    caller.__name__ = caller.__qualname__ = function.__name__
     return caller
 
 

@@ -719,7 +719,7 @@ class Stack:
             positions are finite the error has a command: braking.
         """
         # The sum of what is finite may overflow: it is only quicker.
-        if not (math.isfinite(sum(q.tolist())) or np.isfinite(q).all()):
+        if not (math.isfinite(np.add.reduce(q)) or np.isfinite(q).all()):
             self._refuse(q)
         if not self.safety_filter.take(q, elapsed, qd):
             self._wish[:] = 0.0

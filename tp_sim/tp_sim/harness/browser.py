@@ -170,7 +170,17 @@ class Browser:
 
     def screenshot(self, path: str | Path | None = None) -> bytes:
         """Picture of the page as PNG, written to a file if one is given."""
-        data = base64.b64decode(self.call('Page.captureScreenshot', format='png')['data'])
+        end = time.monotonic() + TIMEOUT
+        while True:
+            try:
+                found = self.call('Page.captureScreenshot', format='png')
+                break
+            except HarnessError as error:
+                # From one page to the next there is none for a moment.
+                if 'active page' not in str(error) or time.monotonic() > end:
+                    raise
+                time.sleep(0.1)
+        data = base64.b64decode(found['data'])
         if path is not None:
             Path(path).write_bytes(data)
         return data
