@@ -105,8 +105,12 @@ def test_a_time_limit_ends_it_and_the_arm_stays(loop):
 
 def test_cancelled_on_the_way_the_arm_brakes_inside_its_limits_and_never_turns_back(loop):
     call = loop.client.start_reach({'ee_position': FREE})
+    # After a reset by a little the arm is braked for a while: it does not follow.
+    begin = loop.time
+    while np.abs(loop.state.command).max() <= 0.1:
+        assert loop.time < begin + 2.0
+        loop.step()
     loop.run(0.3)
-    assert np.abs(loop.state.command).max() > 0.1
     loop.clear_record()
     call.cancel()
     result = loop.finish(call)

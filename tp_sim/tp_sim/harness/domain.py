@@ -32,13 +32,16 @@ class PrivateDomain:
         numbers = list(DOMAINS)
         random.shuffle(numbers)
         for number in numbers:
-            if _in_use(number):
-                continue
             lock = _locked(Path(tempfile.gettempdir()) / f'tp_sim_domain_{number}.lock')
-            if lock is not None:
+            if lock is None:
+                continue
+            # The port of a domain that somebody holds is not tried: whoever enters it at that
+            # moment would get another one.
+            if not _in_use(number):
                 self.number = number
                 self._lock = lock
                 return
+            lock.close()
         raise HarnessError(f'all ROS domains from {DOMAINS[0]} to {DOMAINS[-1]} are in use')
 
     @property
