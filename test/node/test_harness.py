@@ -67,7 +67,10 @@ def test_domains_are_private_until_closed():
 
 def test_a_domain_that_others_are_on_is_not_private(monkeypatch):
     """Their nodes hold no lock; with a robot among them it would move."""
+    with_it = PrivateDomain()
+    first = Client(with_it)
     taken = PrivateDomain()
+    # The second participant of this process, as is one that stays when the first one leaves.
     client = Client(taken)
     monkeypatch.setattr('tp_sim.harness.domain.DOMAINS', range(taken.number, taken.number + 1))
     # As if somebody else had made that node, without a lock.
@@ -76,3 +79,5 @@ def test_a_domain_that_others_are_on_is_not_private(monkeypatch):
         PrivateDomain()
     client.close()
     PrivateDomain().close()
+    first.close()
+    with_it.close()

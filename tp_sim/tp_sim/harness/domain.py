@@ -19,6 +19,10 @@ DOMAINS = range(1, 102)
 """Domain numbers whose ports stay clear of the ephemeral ones on Linux."""
 
 
+PORTS = 118
+"""Ports of a domain that are looked at, for 54 participants: those of the last one end there."""
+
+
 class PrivateDomain:
     """Holds a domain number until it is closed or the process ends.
 
@@ -82,15 +86,21 @@ class PrivateDomain:
 def _in_use(number: int) -> bool:
     """Whether somebody on this machine is on the domain, who knows nothing of the locks.
 
-    The first participant of a domain listens on a port that follows from its number (RTPS
-    specification, section 9.6.1.1); who cannot bind it is not the first.
+    Every participant of a domain listens on ports that follow from the domain's number and its
+    own (RTPS specification, section 9.6.1.1). Its own is 0 for the first one of a process, if
+    nobody else has taken that.
     """
+    first = 7400 + 250 * number
+    return not all(_is_free(port) for port in range(first, first + PORTS))
+
+
+def _is_free(port: int) -> bool:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.bind(('', 7410 + 250 * number))
+            probe.bind(('', port))
         except OSError:
-            return True
-    return False
+            return False
+    return True
 
 
 def _locked(path: Path) -> IO[str] | None:
