@@ -79,12 +79,26 @@ def seen(browser):
     return np.asarray(Image.open(io.BytesIO(browser.screenshot())).convert('RGB')).astype(int)
 
 
-def test_a_target_is_dragged_and_the_hierarchy_changed_with_the_mouse(config, browser):
+def test_the_mouse_drags_a_target_changes_the_hierarchy_and_records(config, browser, tmp_path):
     with (
         ClosedLoop(config / 'a4_position_joint.yaml', lockstep=False) as loop,
-        shown(browser, loop.environment),
+        shown(browser, loop.environment, '--folder', str(tmp_path)),
     ):
         drive(browser, loop)
+        record(browser, loop, tmp_path / 'run.mcap')
+
+
+def record(browser, loop, path):
+    browser.click(text_element('Record'))
+    browser.click(text_element('Start recording'))
+    browser.find(text_element('Stop recording'))
+    loop.client.send_goal('ee_position', [1.0, 0.4])
+    loop.run(0.5)
+    browser.click(text_element('Stop recording'))
+    browser.find(text_element('Start recording'))
+    run = run_of(Recording(path).states())
+    assert run.time[-1] > 0.2
+    assert run.task('ee_position').desired[-1] == pytest.approx([1.0, 0.4])
 
 
 def drive(browser, loop):

@@ -91,7 +91,7 @@ def test_a_transition_between_hierarchies_has_no_step_in_the_velocity():
     tasks = every_task(robot)
     tasks['posture'].target = [0.0] * 6
     stack = Stack(robot, [tasks['tip']], rate=1.0 / PERIOD, tasks=list(tasks.values()))
-    q, wishes = np.full(6, 0.4), []
+    q, wishes, ends = np.full(6, 0.4), [], []
     for share in np.linspace(0.0, 1.0, 101):
         both = []
         for hierarchy in (['tip', 'posture'], ['turn', 'posture']):
@@ -99,11 +99,14 @@ def test_a_transition_between_hierarchies_has_no_step_in_the_velocity():
             both.append(stack.problem(q))
         found = blend(*both, share)
         wishes.append(found.velocity)
+        ends.append([found.first.velocity, found.second.velocity])
         q = q + PERIOD * stack.safety_filter.step(found.velocity, q)
         if share == 0.0:
             step = np.abs(found.second.velocity - found.first.velocity).max()
     assert step > 0.5
-    assert np.abs(np.diff(wishes, axis=0)).max() < 0.1 * step
+    # Joints that leave a limit change what either hierarchy asks for from step to step.
+    own = np.abs(np.diff(ends, axis=0)).max(axis=(1, 2))
+    assert np.all(np.abs(np.diff(wishes, axis=0)).max(axis=1) < own + 0.03 * step)
 
 
 @pytest.mark.parametrize('share', [-0.1, 1.1, np.nan])

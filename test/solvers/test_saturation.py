@@ -17,7 +17,7 @@ from random_stacks import (
 from references import away_from_rank_changes, recursion
 from small_arms import planar_block
 
-from tp_controller import InvalidValue, build_settings
+from tp_controller import InvalidValue, build_settings, read_parameter_file, solve
 from tp_controller.solvers import Inverse, RecursiveSolver
 
 seeds = st.integers(0, 10_000)
@@ -61,6 +61,29 @@ def test_a_lower_level_never_costs_a_higher_one_anything(seed, rows, limit):
         alone = resolve(holding(6), levels[:kept], limit)
         for J, _ in levels[:kept]:
             np.testing.assert_allclose(J @ everything, J @ alone, atol=1e-9)
+
+
+@pytest.mark.parametrize('scheme', ['recursive', 'hqp'])
+def test_rounding_does_not_decide_what_lower_levels_get(config, scheme):
+    """Levels above leave joints at their limits, to the last bits."""
+    values = read_parameter_file(config / 'panda.yaml', 'tp_controller')
+    stack = build_settings(values).stack
+    limits = stack.robot.limits
+    rng = np.random.default_rng(3)
+    for _ in range(40):
+        q = rng.uniform(limits.position_min, limits.position_max)
+        levels = [
+            (level.J, 3.0 * rng.normal(size=len(level.J))) for level in stack.problem(q).levels
+        ]
+        found = []
+        for noise in (0.0, 1e-13, 1e-13, 1e-13):
+            noisy = [
+                (J * (1.0 + noise * rng.normal(size=J.shape)), v * (1.0 + noise * rng.normal()))
+                for J, v in levels
+            ]
+            bounds = -limits.velocity, limits.velocity
+            found.append(solve(noisy, *bounds, scheme, inverse='adaptive').velocity)
+        np.testing.assert_allclose(found[1:], [found[0]] * 3, atol=1e-6)
 
 
 @given(seeds, st.integers(1, 3), numbers(0.05, 2))

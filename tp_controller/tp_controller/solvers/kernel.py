@@ -32,6 +32,9 @@ ALONG = 1e-9
 SHORT = 1e-8
 """A joint that the freedom moves by less than this share cannot be held by it."""
 
+TINY = 1e-9
+"""A level that gets a smaller share than this gets nothing: rounding does not decide on it."""
+
 BROKEN = 1e-9
 """A bound that is missed by less than this, per length of its row, is not broken."""
 
@@ -65,11 +68,13 @@ def _coordinates(N, m, weight, x, out):  # type: ignore[no-untyped-def]
     n = x.size
     for j in range(m):
         out[j] = 0.0
-        for c in range(n):
-            part = 0.0
-            for d in range(n):
-                part += weight[c, d] * x[d]
-            out[j] += N[j, c] * part
+    for c in range(n):
+        part = 0.0
+        for d in range(n):
+            part += weight[c, d] * x[d]
+        if part != 0.0:
+            for j in range(m):
+                out[j] += N[j, c] * part
 
 
 @inner
@@ -119,7 +124,10 @@ def _stopper(J, start, way, low, high, sided, end, floor, held):  # type: ignore
         behind = ((low[c] if way[c] > 0.0 else high[c]) - start[c]) / way[c]
         least = max(least, behind)
         if ahead < most:
-            most, critical = ahead, c
+            # Rounding does not choose among bounds that are met already: the first one counts.
+            if critical < 0 or most > TINY:
+                critical = c
+            most = ahead
     for r in range(n, end):
         if not sided[r] or held[r] != 0.0:
             continue
@@ -134,7 +142,9 @@ def _stopper(J, start, way, low, high, sided, end, floor, held):  # type: ignore
         if rate > 0.0:
             least = max(least, ahead)
         elif ahead < most:
-            most, critical = ahead, r
+            if critical < 0 or most > TINY:
+                critical = r
+            most = ahead
     return least, most, critical
 
 
@@ -197,7 +207,7 @@ def _aim(  # type: ignore[no-untyped-def]
                 result = hasten(
                     J, first, end, hessians, bends, settling == BENT, offset, N[:, :n], m, rank, B,
                     S, lost, count, work[11], work[12], work[10, 1], weights, work[10, 4, :n],
-                    work[13], work[14], needed, answers[3],
+                    work[13], work[14], work[15], needed, answers[3],
                 )  # fmt: skip
                 if result == UNKNOWN:
                     return rank, result
@@ -299,7 +309,7 @@ def _serve(  # type: ignore[no-untyped-def]
             )
         ranged = firm
         # A level that would get nothing slides along limits of speed and acceleration, too.
-        firm = firm or share <= 0.0
+        firm = firm or share <= TINY
         if not firm and (freedom == 1 or found == LOSES):
             # A level that loses is scaled: holding joints would change what it loses.
             break

@@ -45,6 +45,8 @@ REGULAR = 1e-6
 """Square of the damping of the multipliers."""
 ORTHOGONAL = 1e-15
 """Rows whose cosine is below this count as orthogonal."""
+FAR_APART = 1e8
+"""Cotangent of twice an angle beyond which the cosine of the angle is 1 in floating point."""
 SWEEPS = 60
 """More than any matrix needs; Jacobi's method converges quadratically."""
 
@@ -73,14 +75,18 @@ def orthogonalise(B, W, p, q, turns):  # type: ignore[no-untyped-def]
                     ii += B[i, c] * B[i, c]
                     ij += B[i, c] * B[j, c]
                     jj += B[j, c] * B[j, c]
-                if not abs(ij) > ORTHOGONAL * math.sqrt(ii * jj):
+                if not ij * ij > ORTHOGONAL * ii * (ORTHOGONAL * jj):
                     continue
                 turned = True
                 ratio = (jj - ii) / (2.0 * ij)
-                t = 1.0 / (abs(ratio) + math.sqrt(1.0 + ratio * ratio))
+                size = abs(ratio)
+                t, cosine = 0.5 / size if size > 0.0 else 1.0, 1.0
+                if size < FAR_APART:
+                    # Neither the tangent nor the cosine waits for the other.
+                    root = math.sqrt(1.0 + ratio * ratio)
+                    t, cosine = 1.0 / (size + root), math.sqrt(0.5 + 0.5 * (size / root))
                 if ratio < 0.0:
                     t = -t
-                cosine = 1.0 / math.sqrt(1.0 + t * t)
                 sine = cosine * t
                 for c in range(q):
                     a, b = B[i, c], B[j, c]
@@ -155,26 +161,37 @@ def _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull):
 
 
 @inner
-def _curvature(weights, end, hessians, offset, N, m, raw, out):  # type: ignore[no-untyped-def]
-    """Fill ``-Σ wᵣ ∂²σᵣ/∂q²`` (m, m) in coordinates of the m rows (n,) of a basis."""
+def _curvature(weights, end, hessians, offset, N, m, raw, half, out):  # type: ignore[no-untyped-def]
+    """Fill ``-Σ wᵣ ∂²σᵣ/∂q²`` (m, m) in coordinates of the m rows (n,) of a basis.
+
+    The matrices ``raw`` (n, n) and ``half`` (m, n) are space to work in.
+    """
     n = N.shape[1]
     for i in range(n):
-        for j in range(n):
+        for j in range(i + 1):
             raw[i, j] = 0.0
     for r in range(offset, end):
-        if weights[r] != 0.0:
+        weight = weights[r]
+        if weight != 0.0:
             for i in range(n):
-                for j in range(n):
-                    raw[i, j] -= weights[r] * hessians[r - offset, i, j]
+                for j in range(i + 1):
+                    raw[i, j] -= weight * hessians[r - offset, i, j]
+    for i in range(n):
+        for j in range(i):
+            raw[j, i] = raw[i, j]
+    for a in range(m):
+        for i in range(n):
+            half[a, i] = 0.0
+        for j in range(n):
+            share = N[a, j]
+            if share != 0.0:
+                for i in range(n):
+                    half[a, i] += share * raw[j, i]
     for a in range(m):
         for b in range(a + 1):
             total = 0.0
             for i in range(n):
-                if N[a, i] != 0.0:
-                    part = 0.0
-                    for j in range(n):
-                        part += raw[i, j] * N[b, j]
-                    total += N[a, i] * part
+                total += half[a, i] * N[b, i]
             out[a, b] = out[b, a] = total
 
 
@@ -326,7 +343,7 @@ def settle(  # type: ignore[no-untyped-def]
     if not known:
         return UNKNOWN
     # How far each direction is lost: not at all up to a curvature of LOST s².
-    _curvature(weights, end, hessians, offset, N, m, raw, A)
+    _curvature(weights, end, hessians, offset, N, m, raw, W, A)
     edge = NEAR * math.sqrt(mean)
     largest, most = math.nan, 0.0
     for i in range(rank):
@@ -364,7 +381,7 @@ def settle(  # type: ignore[no-untyped-def]
     for r in range(first, end):
         weights[r] = lost[r]
     _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull)
-    _curvature(weights, end, hessians, offset, N, m, raw, A)
+    _curvature(weights, end, hessians, offset, N, m, raw, W, A)
     # Newton's step, with the sizes of the second derivatives: it never climbs.
     for i in range(rank):
         near_zero = 1.0 - (S[i] / rule[1]) ** 2
@@ -409,7 +426,7 @@ def settle(  # type: ignore[no-untyped-def]
 @inner
 def hasten(  # type: ignore[no-untyped-def]
     J, first, end, hessians, bends, known, offset, N, m, rank, B, S, lost, count, taken, rows,
-    lengths, weights, pull, raw, A, needed, answer,
+    lengths, weights, pull, raw, A, W, needed, answer,
 ):  # fmt: skip
     """Lengthen a level's answer (m,) along directions that it has and in which it loses less.
 
@@ -438,7 +455,7 @@ def hasten(  # type: ignore[no-untyped-def]
     for r in range(first, end):
         weights[r] = lost[r]
     _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull)
-    _curvature(weights, end, hessians, offset, N, m, raw, A)
+    _curvature(weights, end, hessians, offset, N, m, raw, W, A)
     for i in range(rank):
         bend = along = 0.0
         for a in range(m):
@@ -469,7 +486,7 @@ def reserve(  # type: ignore[no-untyped-def]
     for r in range(weights.size):
         weights[r] = lost[r]
     _add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull)
-    _curvature(weights, end, hessians, offset, N, m, raw, A)
+    _curvature(weights, end, hessians, offset, N, m, raw, W, A)
     shift = _eigenvectors(A, W, m, True)
     if shift <= 1e-14 * mean:
         return m
