@@ -105,6 +105,31 @@ def test_the_program_rests_on_a_real_arm(config, goal):
     assert_at_rest(shares, values['rate'])
 
 
+@pytest.mark.parametrize('goal', [(-0.96, 1.52, -0.87), (-0.41, 1.84, -0.67)])
+def test_the_program_rests_where_the_level_above_misses_a_little(goal):
+    """Two hands hold an object, which damping lets give way a little while one cannot reach."""
+    left, right = 'left_gripper_base_link', 'right_gripper_base_link'
+    elbows = [0.0, -0.55, 0.0, 0.75, 0.0, 1.26, 0.0]
+    sides = ('s0', 's1', 'e0', 'e1', 'w0', 'w1', 'w2')
+    hand = {'type': 'position', 'frame': right, 'gain': [3.0], 'target': goal}
+    block = {
+        'rate': 100.0,
+        'robot': {
+            'urdf': 'package://example-robot-data/robots/baxter_description/urdf/baxter.urdf',
+            'joints': [f'{side}_{joint}' for side in ('left', 'right') for joint in sides],
+        },
+        'solver': {'type': 'hqp'},
+        'hierarchy': ['object', 'hand', 'posture'],
+        'tasks': {
+            'object': {'type': 'pose', 'frame': left, 'relative_to': right, 'gain': [3.0]},
+            'hand': hand,
+            'posture': {'type': 'posture', 'target': elbows * 2, 'gain': [2.0]},
+        },
+    }
+    shares = chase(block, np.array(elbows * 2), 10.0 + WATCHED)
+    assert_at_rest(shares[round((10.0 - SECONDS) * block['rate']) :], block['rate'])
+
+
 def test_the_published_laws_alone_reverse_at_every_step_there():
     """What settling is for; with settling on, the same run is the one above."""
     block = out_of_reach({'settle': False, 'saturation': 'uniform'}, 0.1)

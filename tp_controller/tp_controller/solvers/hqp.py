@@ -179,10 +179,11 @@ class HQPSolver(Solver):
         # Where a level loses, that all levels together are inside the bounds says little: those
         # below may have led back.
         sure = suits and len(self._groups) == 1
-        if not sure and curvature and self._settle(J, velocity, qd):
+        loser = recursion.loser if curvature and not sure else -1
+        if loser >= 0 and self._settle(J, velocity, qd, loser):
             self.proven = True
             return float(self.shares.min(initial=1.0))
-        if suits:
+        if suits and loser < 0:
             qd[:] = self._free
             self.problem.take(J, asked)
             self.proven = True
@@ -192,7 +193,8 @@ class HQPSolver(Solver):
         self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
         self.proven = self.problem.solve(J, asked, self._lower, self._upper, qd)
         problem, rows = self.problem, self._one_sided
-        if not (self._damped and self._pass_again(J, velocity, bounds, qd, curvature)):
+        again = self._damped and loser < 0
+        if not (again and self._pass_again(J, velocity, bounds, qd, curvature)):
             J.dot(qd, out=self._moved)
         if rows.size:
             stops = problem.stopped_rows[rows] >= 0
@@ -203,24 +205,26 @@ class HQPSolver(Solver):
             self._second.note_shares(asked, self._moved, self._equal, self._starts, self._shares)
         return min(self._shares.tolist(), default=1.0)
 
-    def _settle(self, J: Matrix, velocity: Vector, qd: Vector) -> bool:
-        """Leave the recursion's answer inside bounds if that finds a level that loses.
+    def _settle(self, J: Matrix, velocity: Vector, qd: Vector, loser: int) -> bool:
+        """Leave the recursion's answer inside bounds, in which a level loses.
 
-        Levels above the first that loses have to get all that they ask for, which is their
-        optimum: then nothing below them decides on what they get.
+        Levels above the first loser have to get all that they ask for, which is their optimum:
+        then nothing below them decides on what they get. Otherwise that level and those below
+        are to ask for what the recursion gave them, which brings them to rest.
         """
         recursion = self._set
         assert recursion is not None
-        loser = recursion.loser
-        if loser < 0:
-            return False
+        velocity[:] = self._inside
         above = self._starts[loser]
         if above:
-            missed = self._asked[:above] - J[:above] @ qd
+            J.dot(qd, out=self._moved)
+            missed = self._asked[:above] - self._moved[:above]
             missed[self._equal[:above]] = np.abs(missed[self._equal[:above]])
             if missed.max() > KEPT * max(1.0, float(np.abs(self._asked[:above]).max())):
+                below = self._equal.copy()
+                below[:above] = False
+                np.copyto(self._asked, self._moved, where=below)
                 return False
-        velocity[:] = self._inside
         self.problem.take(J, self._asked)
         if self._one_sided.size:
             self.acting[self._one_sided] = recursion.acts[self._one_sided]

@@ -55,7 +55,7 @@ ERRORS, FEEDFORWARD, BENDS = range(3)
 """Rows of what is known of levels, see `Curvature.rows`."""
 
 VERDICTS = (10, 9)
-"""Row of the workspace that tells what `settle` found last in every level."""
+"""Row of the workspace that tells what `settle` found in every level, for reasons that last."""
 NEEDED = (10, 10)
 """Row of the workspace whose first value tells whether second derivatives counted."""
 FREE, SLOWED = (8, 3), (8, 4)
@@ -253,8 +253,9 @@ def _serve(  # type: ignore[no-untyped-def]
 
     Returns
     -------
-    int, int
-        `DONE`, `FAILED` or `UNKNOWN`; and what `settle` found last.
+    int, int, int
+        `DONE`, `FAILED` or `UNKNOWN`; what `settle` found last; and what it found apart from
+        joints that are held at limits of speed and acceleration, which pass.
     """
     n = qd.size
     spare, B, W = work[1], work[2], work[3]
@@ -265,6 +266,7 @@ def _serve(  # type: ignore[no-untyped-def]
     taken, rows, lengths = work[11], work[12], work[10, 1]
     coordinates = work[10, 6]
     held[: velocity.size] = 0.0
+    lasting = found
     for c in range(n):
         base[c] = start[c] = origin[c] = best[c] = qd[c]
         way[c] = 0.0
@@ -272,7 +274,7 @@ def _serve(  # type: ignore[no-untyped-def]
             way[c] += answers[0, j] * Z[j, c]
         # Comparisons with limits would say nothing about what is not finite.
         if not math.isfinite(way[c]):
-            return FAILED, found
+            return FAILED, found, found
     share, some = -1.0, False
     for _ in range(4 * n + velocity.size):
         if not bounded:
@@ -355,7 +357,9 @@ def _serve(  # type: ignore[no-untyped-def]
                 hessians, bends, followed, ranged, d + 1, base, work,
             )  # fmt: skip
             if found == UNKNOWN:
-                return UNKNOWN, found
+                return UNKNOWN, found, found
+            if ranged:
+                lasting = found
             share = -1.0
         else:
             for i in range(k):
@@ -394,7 +398,7 @@ def _serve(  # type: ignore[no-untyped-def]
         for c in range(n):
             # Rounding may leave a component one unit in the last place outside.
             qd[c] = min(max(best[c], low[c]), high[c]) if bounded else best[c]
-    return DONE, found
+    return DONE, found, lasting
 
 
 @inner
@@ -462,7 +466,7 @@ def recur(  # type: ignore[no-untyped-def]
                 for j in range(m):
                     for c in range(n):
                         Z[j, c] = N[j, c]
-                result, _ = _serve(
+                result, _, _ = _serve(
                     J, asked, asked, velocity, order, k, first, end, square, acts, rule, smallest,
                     weight, level, full, Z, m, low, high, firm_low, firm_high, sided, bounded,
                     change, dt, floor, stops, int64(PLAIN), offset, errors, hessians, bends,
@@ -497,7 +501,7 @@ def recur(  # type: ignore[no-untyped-def]
         m -= full
         # Directions that are held in this level stand after those of levels above, for a while.
         lengths[count] = 0.0
-        result, found = _serve(
+        result, found, lasting = _serve(
             J, asked, feedforward, velocity, order, k, first, end, square, acts, rule, smallest,
             weight, level, full, Z, freedom, low, high, firm_low, firm_high, sided, bounded,
             change, dt, floor, stops, settling, offset, errors, hessians, bends,
@@ -510,7 +514,7 @@ def recur(  # type: ignore[no-untyped-def]
             if brief:
                 return OUTSIDE
             outside = True
-        verdicts[level] = found
+        verdicts[level] = lasting
         shares[level] = share_of[0]
         if found != NOTHING and m > 0:
             held = count
@@ -542,7 +546,7 @@ def recur(  # type: ignore[no-untyped-def]
             for c in range(n):
                 order[c] = c
             lengths[count] = 0.0
-            result, _ = _serve(
+            result, _, _ = _serve(
                 J, asked, asked, velocity, order, n, int64(0), asked.size, float(n), acts,
                 rules[0], 0.0, weight, int64(-1), m, Z, m, low, high, firm_low, firm_high, sided,
                 bounded, change, dt, floor, stops, int64(PLAIN), offset, errors, hessians, bends,
