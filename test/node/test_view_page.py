@@ -92,8 +92,10 @@ def record(browser, loop, path):
     browser.click(text_element('Record'))
     browser.click(text_element('Start recording'))
     browser.find(text_element('Stop recording'))
+    loop.client.wait_for(path.exists, 'the file')
     loop.client.send_goal('ee_position', [1.0, 0.4])
-    loop.run(0.5)
+    written = path.stat().st_size
+    loop.client.wait_for(lambda: path.stat().st_size > written + 100_000, 'what comes then')
     browser.click(text_element('Stop recording'))
     browser.find(text_element('Start recording'))
     run = run_of(Recording(path).states())
