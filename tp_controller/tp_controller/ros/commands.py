@@ -52,6 +52,8 @@ class CommandPublisher:
         The command sent last (n,) [rad/s, m/s].
     rest
         What is sent to an arm at rest, in words.
+    blocked
+        Whether nothing is sent, as it would move what it is not meant for.
     """
 
     def __init__(
@@ -72,6 +74,7 @@ class CommandPublisher:
             msg, field = Float64MultiArray(), 'data'
         self.velocity = np.zeros(robot.n)
         self.rest = 'zero command' if reference is None else 'last position'
+        self.blocked = False
         self._publisher = node.create_publisher(
             type(msg), command_topic(command_type), QUEUE_DEPTH
         )
@@ -121,11 +124,22 @@ class CommandPublisher:
 
     def send_prepared(self) -> None:
         """Publish what was prepared; little time passes in between, to be too late in."""
+        if self.blocked:
+            if self._reference is not None:
+                # It begins again where the arm is by then.
+                self._reference.stop()
+            return
         if self._reference is not None:
             if not self._reference.begun:
                 return
             self._reference.advance()
         self._publisher.publish(self._bytes)
+
+    def block(self, blocked: bool) -> None:
+        """Send nothing from now on, after a zero to an arm that moves, or send again."""
+        if blocked and not self.blocked and self._reference is None and self.velocity.any():
+            self.send(0.0)
+        self.blocked = blocked
 
     def wait_until_arrived(self) -> None:
         """Give the last command time to arrive."""
