@@ -17,7 +17,7 @@ TIME_CONSTANTS = 4.0
 """After so many time constants of its lag an arm has done what it was told."""
 STILL = 0.5
 """Time [s] for which an arm has to stand still to count as at rest."""
-STOOD = 0.1
+STOOD = 0.05
 """Time [s] without any motion after which an arm does not carry out what it is sent."""
 SOON = 0.05
 """Share of a new interval between joint states in their mean."""

@@ -15,10 +15,10 @@ from tp_controller.ros.warnings import Warnings
 
 PERIOD = 0.1
 """Time [s] between two looks."""
-AGAIN = 0.3
-"""Time [s] after which it is asked again: a call may be lost while nodes get to know each other."""
+AGAIN = 0.5
+"""Time [s] after which it is asked again: while nodes get to know each other a call may be lost."""
 PATIENCE = 2.0
-"""Time [s] for which an answer is waited for."""
+"""Time [s] after which a node without a service for its parameters is taken as it is."""
 SUBJECT = 'receivers'
 NAMES = ('joints', 'interface_name')
 """Parameters of ros2_control's forward_command_controller, and of what derives from it."""
@@ -44,7 +44,7 @@ class Receivers:
     warnings
         Where it is told what does not fit.
     block
-        Called with whether commands have to be held back.
+        Called with whether commands have to be held back, and whether that is not known yet.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class Receivers:
         joints: Sequence[str],
         interface: str,
         warnings: Warnings,
-        block: Callable[[bool], object],
+        block: Callable[[bool, bool], object],
     ) -> None:
         self._node, self._topic = node, topic
         self._joints, self._interface = list(joints), interface
@@ -62,7 +62,7 @@ class Receivers:
         self._readers: dict[bytes, _Reader] = {}
         self._known = False
         """Whether all readers were known at some time: later ones do not stop the arm."""
-        block(True)
+        block(False, True)
 
     def look(self) -> None:
         """Look who reads the command, and what they answer."""
@@ -79,9 +79,14 @@ class Receivers:
         found = [text for reader in self._readers.values() if (text := self._judge(reader))]
         for text in found:
             self._warnings.warn(SUBJECT, f'{self._topic}: {text}: nothing is sent', lasting=True)
-        if not found:
+        if not found and self._known:
             self._warnings.clear(SUBJECT)
-        self._block(bool(found) or not self._known)
+        self._block(bool(found), not self._known)
+        now = time.monotonic()
+        silent = [reader.name for reader in open_ones if reader.begun < now - PATIENCE]
+        if silent and not self._known and not found:
+            text = f'{listed(silent)} did not answer which joints it takes'
+            self._warnings.warn(SUBJECT, f'{self._topic}: {text}: nothing is sent', lasting=True)
 
     def _judge(self, reader: _Reader) -> str:
         """What does not fit; empty if all does."""
@@ -105,29 +110,32 @@ class _Reader:
     def __init__(self, node: Node, name: str) -> None:
         self.name, self.values = name, dict[str, Any]()
         self._client: Any = node.create_client(GetParameters, f'{name}/get_parameters')
-        self._call: Any = None
+        self._calls: list[Any] = []
         self._answered = False
-        self._end, self._again = time.monotonic() + PATIENCE, -math.inf
+        self.begun, self._again = time.monotonic(), -math.inf
 
     def look(self) -> bool:
         """Go on asking; return whether nothing more is waited for."""
         now = time.monotonic()
-        if not self._answered and now >= self._again and self._client.service_is_ready():
-            if self._again == -math.inf:
-                self._end = now + PATIENCE
-            self._again = now + AGAIN
-            if self._call is not None:
-                self._client.remove_pending_request(self._call)
-            self._call = self._client.call_async(GetParameters.Request(names=list(NAMES)))
-            self._call.add_done_callback(self._keep)
-        return self._answered or now > self._end
+        if self._answered or now < self._again:
+            return self._answered
+        if not self._client.service_is_ready():
+            return now > self.begun + PATIENCE
+        self._again = now + AGAIN
+        call = self._client.call_async(GetParameters.Request(names=list(NAMES)))
+        call.add_done_callback(self._keep)
+        self._calls.append(call)
+        return False
 
     def _keep(self, call: Any) -> None:
         answer = call.result()
-        if answer is not None:
-            self._answered = True
-            for name, value in zip(NAMES, answer.values, strict=False):
-                self.values[name] = value.string_value or list(value.string_array_value)
+        if answer is None or self._answered:
+            return
+        self._answered = True
+        for name, value in zip(NAMES, answer.values, strict=False):
+            self.values[name] = value.string_value or list(value.string_array_value)
+        for other in self._calls:
+            self._client.remove_pending_request(other)
 
     def close(self, node: Node) -> None:
         """Ask no more."""
