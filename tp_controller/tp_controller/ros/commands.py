@@ -89,6 +89,11 @@ class CommandPublisher:
         return str(self._publisher.topic_name)
 
     @property
+    def withheld(self) -> bool:
+        """Whether commands are not sent at present."""
+        return self._blocked or (self._waiting and not self.moving)
+
+    @property
     def heard(self) -> bool:
         """Whether anybody listens."""
         return bool(self._publisher.get_subscription_count())
@@ -124,7 +129,7 @@ class CommandPublisher:
 
     def send_prepared(self) -> None:
         """Publish what was prepared; little time passes in between, to be too late in."""
-        if self._blocked or (self._waiting and not self.moving):
+        if self.withheld:
             if self._reference is not None:
                 # It begins again where the arm is by then.
                 self._reference.stop()

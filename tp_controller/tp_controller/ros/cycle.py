@@ -239,6 +239,9 @@ class Cycle:
     def _answer(self, arrival: Arrival) -> bool:
         """Send the command that answers a state, or a newer one if that took too long."""
         lateness, state = self._lateness, self._state
+        self._commands.moving = self._reference is None and self._moves()
+        if self._commands.withheld:
+            return False
         lateness.begin()
         self._before(self.duration)
         start = time.perf_counter()
@@ -269,7 +272,6 @@ class Cycle:
         if self._rate_estimate:
             self._stay(self._rate_estimate, arrival)
         if command is not None:
-            self._commands.moving = self._reference is None and self._moves()
             self._commands.prepare(command, arrival.msg.stamp)
         # Before the first command the arm is at rest, and much is loaded that is slow.
         oldest = self._oldest() if state.cycles else self._limit

@@ -16,9 +16,11 @@ from tp_controller.ros.warnings import Warnings
 PERIOD = 0.1
 """Time [s] between two looks."""
 AGAIN = 0.5
-"""Time [s] after which it is asked again: while nodes get to know each other a call may be lost."""
+"""Time [s] after which a node is asked again: its answer may be lost at first."""
 PATIENCE = 2.0
-"""Time [s] after which a node without a service for its parameters is taken as it is."""
+"""Time [s] without an answer that is told."""
+UNKNOWN = '_UNKNOWN_'
+"""In the name of a node that is not known yet."""
 SUBJECT = 'receivers'
 NAMES = ('joints', 'interface_name')
 """Parameters of ros2_control's forward_command_controller, and of what derives from it."""
@@ -63,6 +65,7 @@ class Receivers:
         self._known = False
         """Whether all readers were known at some time: later ones do not stop the arm."""
         block(False, True)
+        self.look()
 
     def look(self) -> None:
         """Look who reads the command, and what they answer."""
@@ -72,10 +75,11 @@ class Receivers:
             self._readers.pop(gid).close(self._node)
         for gid in present.keys() - self._readers.keys():
             info = present[gid]
-            name = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-            self._readers[gid] = _Reader(self._node, name)
+            if UNKNOWN not in info.node_name:
+                self._readers[gid] = _Reader(self._node, info.node_name, info.node_namespace)
         open_ones = [reader for reader in self._readers.values() if not reader.look()]
-        self._known |= bool(self._readers) and not open_ones
+        named = len(self._readers) == len(present)
+        self._known |= bool(self._readers) and named and not open_ones
         found = [text for reader in self._readers.values() if (text := self._judge(reader))]
         for text in found:
             self._warnings.warn(SUBJECT, f'{self._topic}: {text}: nothing is sent', lasting=True)
@@ -107,9 +111,13 @@ class Receivers:
 class _Reader:
     """A node that reads commands."""
 
-    def __init__(self, node: Node, name: str) -> None:
-        self.name, self.values = name, dict[str, Any]()
-        self._client: Any = node.create_client(GetParameters, f'{name}/get_parameters')
+    def __init__(self, node: Node, name: str, namespace: str) -> None:
+        self.name, self.values = f'{namespace.rstrip("/")}/{name}', dict[str, Any]()
+        service = f'{self.name}/get_parameters'
+        # A node makes this service before it subscribes, and it gets known in this order.
+        services = node.get_service_names_and_types_by_node(name, namespace)
+        self._silent = service not in dict(services)
+        self._client: Any = node.create_client(GetParameters, service)
         self._calls: list[Any] = []
         self._answered = False
         self.begun, self._again = time.monotonic(), -math.inf
@@ -120,7 +128,7 @@ class _Reader:
         if self._answered or now < self._again:
             return self._answered
         if not self._client.service_is_ready():
-            return now > self.begun + PATIENCE
+            return self._silent
         self._again = now + AGAIN
         call = self._client.call_async(GetParameters.Request(names=list(NAMES)))
         call.add_done_callback(self._keep)
