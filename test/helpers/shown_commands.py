@@ -17,7 +17,7 @@ FOREIGN = {'xacro', 'check_urdf', 'dask', 'test', 'colcon'}
 """Programs that this project does not have."""
 OTHERS = {
     'robot_state_publisher': {'robot_state_publisher'},
-    'controller_manager': {'spawner'},
+    'controller_manager': {'ros2_control_node', 'spawner'},
     'own_task': set(),
 }
 """Executables of other packages."""

@@ -101,6 +101,22 @@ def test_a_blocked_arm_brings_it_to_rest_near_and_then_back_to_where_the_arm_is(
     assert loop.plant.q == pytest.approx([1.0, -0.8], abs=1e-3)
 
 
+@pytest.mark.parametrize('after', [0.0, 0.6], ids=['from rest', 'from full speed'])
+def test_an_arm_whose_drives_are_off_is_not_left_far_behind(after):
+    loop = Loop((1.4, -1.4))
+    loop.run(after)
+    follow, loop.plant.follow = loop.plant.follow, lambda *_: None
+    gap = 0.0
+    for _ in range(round(3.0 * RATE)):
+        gap = max(gap, np.abs(loop.step() - loop.plant.q).max())
+    # The time until it counts as standing, and two steps until that is seen.
+    assert TOLERANCE < gap <= TOLERANCE + SPEED * (0.05 + 2.0 * T)
+    assert len(loop.notices) > 1
+    loop.plant.follow = follow
+    loop.run(3.0)
+    assert loop.plant.q == pytest.approx([1.4, -1.4], abs=0.01)
+
+
 def test_an_arm_moved_by_hand_is_not_called_back():
     loop = Loop((0.3, -0.2))
     loop.run(0.5)

@@ -17,6 +17,8 @@ TIME_CONSTANTS = 4.0
 """After so many time constants of its lag an arm has done what it was told."""
 STILL = 0.5
 """Time [s] for which an arm has to stand still to count as at rest."""
+STOOD = 0.05
+"""Time [s] without any motion after which an arm does not carry out what it is sent."""
 SOON = 0.05
 """Share of a new interval between joint states in their mean."""
 ON_TIME = 0.95
@@ -34,7 +36,8 @@ class PositionReference:
     commands keep: the stack is evaluated where an arm would be that follows it exactly, with
     the delay and the lag that the parameters describe. What is measured tells whether the arm
     follows: every joint has to be where the reference was within the time that the arm may need,
-    within a tolerance. If it is not, the reference has to come to rest.
+    within a tolerance. If it is not, the reference has to come to rest. It stops at once if the
+    arm has not moved at all: so an arm whose drives come on later is not far from it.
 
     The reference begins anew, at the measured position and at rest, where going on would make
     the arm jump: if the arm is not where the reference is and
@@ -79,8 +82,8 @@ class PositionReference:
             )
         self._stack, self._space = stack, robot.space
         self._tolerance = np.broadcast_to(allowed, (robot.n,))
-        self._r, self._past, self._next, self._seen = np.zeros((4, robot.n))
-        self._still, self._jumped, self._paused = 0.0, False, False
+        self._r, self._past, self._next, self._seen, self._place = np.zeros((5, robot.n))
+        self._still, self._stood, self._jumped, self._paused = 0.0, 0.0, False, False
         self._fresh, self._was_fresh = True, True
         """Whether nothing was sent since the reference began."""
         self.begun = False
@@ -147,6 +150,8 @@ class PositionReference:
             self._begin(q)
         self._paused = False
         if self.notice:
+            if self._stood >= STOOD:
+                self._stack.rest()
             return Step(self.brake(), 1.0, ())
         step = self._stack.step_in_place(self._model(), self.step)
         if self._fresh:
@@ -165,8 +170,8 @@ class PositionReference:
     def _begin(self, q: Vector) -> None:
         """Begin at a measured position, at rest."""
         self._stack.rest()
-        self._r[:] = self._past[:] = self._way[:] = self._seen[:] = q
-        self._still, self._jumped, self._paused = 0.0, False, False
+        self._r[:] = self._past[:] = self._way[:] = self._seen[:] = self._place[:] = q
+        self._still, self._stood, self._jumped, self._paused = 0.0, 0.0, False, False
         self.begun = self._fresh = True
         self.notice = ''
 
@@ -179,6 +184,10 @@ class PositionReference:
 
     def _judge(self, q: Vector, passed: float) -> None:
         """See whether the arm follows, or the reference has to begin anew."""
+        stands = np.all(np.abs(q - self._place) <= PARTED + 2.0 * self._stack.arm.response.noise)
+        self._stood = self._stood + passed if stands else 0.0
+        if not stands:
+            self._place[:] = q
         over = np.maximum(self._way.min(axis=0) - q, q - self._way.max(axis=0))
         share = over / self._allowed
         i = int(np.argmax(share))

@@ -52,6 +52,8 @@ class CommandPublisher:
         The command sent last (n,) [rad/s, m/s].
     rest
         What is sent to an arm at rest, in words.
+    moving
+        Whether the arm is known to move: it is then braked though its readers are not known yet.
     """
 
     def __init__(
@@ -72,6 +74,7 @@ class CommandPublisher:
             msg, field = Float64MultiArray(), 'data'
         self.velocity = np.zeros(robot.n)
         self.rest = 'zero command' if reference is None else 'last position'
+        self._blocked = self._waiting = self.moving = False
         self._publisher = node.create_publisher(
             type(msg), command_topic(command_type), QUEUE_DEPTH
         )
@@ -84,6 +87,11 @@ class CommandPublisher:
     def topic(self) -> str:
         """Full name of the topic."""
         return str(self._publisher.topic_name)
+
+    @property
+    def withheld(self) -> bool:
+        """Whether commands are not sent at present."""
+        return self._blocked or (self._waiting and not self.moving)
 
     @property
     def heard(self) -> bool:
@@ -121,11 +129,30 @@ class CommandPublisher:
 
     def send_prepared(self) -> None:
         """Publish what was prepared; little time passes in between, to be too late in."""
+        if self.withheld:
+            if self._reference is not None:
+                # It begins again where the arm is by then.
+                self._reference.stop()
+            return
         if self._reference is not None:
             if not self._reference.begun:
                 return
             self._reference.advance()
         self._publisher.publish(self._bytes)
+
+    def block(self, blocked: bool, waiting: bool) -> None:
+        """Send nothing from now on, after a zero to an arm that moves, or send again.
+
+        Parameters
+        ----------
+        blocked
+            Whether commands would move what they are not meant for.
+        waiting
+            Whether that is not known yet: velocities then go to an arm that moves, to stop it.
+        """
+        if blocked and not self._blocked and self._reference is None and self.velocity.any():
+            self.send(0.0)
+        self._blocked, self._waiting = blocked, waiting
 
     def wait_until_arrived(self) -> None:
         """Give the last command time to arrive."""

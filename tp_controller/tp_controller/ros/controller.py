@@ -27,7 +27,7 @@ from tp_controller.config import (
 from tp_controller.config.schema import POSITION_TYPES
 from tp_controller.errors import InvalidValue
 from tp_controller.position_reference import PositionReference
-from tp_controller.ros.commands import CommandPublisher
+from tp_controller.ros.commands import CommandPublisher, is_stamped
 from tp_controller.ros.cycle import ZEROS, ControlFailed, Cycle
 from tp_controller.ros.diagnostics import PERIOD as DIAGNOSTICS_PERIOD
 from tp_controller.ros.diagnostics import Diagnostics
@@ -38,6 +38,8 @@ from tp_controller.ros.live_parameters import LiveParameters
 from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
 from tp_controller.ros.markers import Markers
 from tp_controller.ros.neighbours import Neighbours
+from tp_controller.ros.receivers import PERIOD as RECEIVER_PERIOD
+from tp_controller.ros.receivers import Receivers
 from tp_controller.ros.robot_node import HEARTBEAT
 from tp_controller.ros.stack_services import StackServices
 from tp_controller.ros.state import StateMessage
@@ -143,6 +145,12 @@ class ControllerNode(ManagedNode):
             reference,
         )
         self._neighbours = Neighbours(self, commands.topic, intake.topic, self._warnings)
+        if not is_stamped(values['command.type']):
+            interface = 'position' if self._positions else 'velocity'
+            receivers = Receivers(
+                self, commands.topic, robot.joints, interface, self._warnings, commands.block
+            )
+            self._make_timer(RECEIVER_PERIOD, receivers.look)
         self._markers = Markers(robot, self._state.msg, self._stack.tasks.values())
         self._marker_publisher = self.create_publisher(MarkerArray, '~/markers', 10)
         self._due = False

@@ -39,6 +39,8 @@ BRAKING_PERIOD = 0.01
 """Time [s] between commands of braking where no rate is known."""
 STOPPED = 0.2
 """Time [s] beyond the limit of age without any command after which the arm is not braked: zero."""
+AT_REST = 1e-3
+"""Velocity [rad/s, m/s] of a joint that counts as at rest."""
 OSCILLATION_PERIOD = 0.5
 """Time [s] after which an oscillation that goes on is told again."""
 ANSWERING = (ControllerState.RUNNING, ControllerState.HELD)
@@ -224,6 +226,10 @@ class Cycle:
         """Whether the last command is a motion, and somebody listens to it."""
         return bool(self._commands.velocity.any()) and self._commands.heard
 
+    def _moves(self) -> bool:
+        """Whether the arm itself says that it moves."""
+        return self._qd is not None and bool(np.max(np.abs(self._qd)) > AT_REST)
+
     def _measure(self, arrival: Arrival) -> None:
         """Read what the arm does at present; all that is measured enters here."""
         self._reader.read(arrival.msg, self._q)
@@ -233,6 +239,9 @@ class Cycle:
     def _answer(self, arrival: Arrival) -> bool:
         """Send the command that answers a state, or a newer one if that took too long."""
         lateness, state = self._lateness, self._state
+        self._commands.moving = self._reference is None and self._moves()
+        if self._commands.withheld:
+            return False
         lateness.begin()
         self._before(self.duration)
         start = time.perf_counter()
