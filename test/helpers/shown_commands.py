@@ -25,7 +25,7 @@ VERBS = {
     'lifecycle': {'set', 'get'},
     'control': {'switch_controllers'},
     'node': {'list'},
-    'topic': {'echo', 'hz', 'info', 'pub'},
+    'topic': {'echo', 'hz', 'info', 'list', 'pub'},
     'param': {'set', 'get'},
     'service': {'call'},
     'action': {'send_goal'},
@@ -48,7 +48,7 @@ def commands(text: str) -> Iterator[str]:
             block = outside
     for code in INLINE.findall('\n'.join(outside)):
         # Names of commands alone, such as those of ros2 param, are no commands.
-        if '…' not in code and not re.fullmatch(r'ros2 [a-z]+( [a-z]+)?', code):
+        if '…' not in code and not re.fullmatch(r'ros2 [a-z]+( [a-z_]+)?', code):
             yield ' '.join(code.split())
 
 
