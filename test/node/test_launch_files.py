@@ -4,10 +4,7 @@ The package ``launch`` has no wheel; a stand-in takes its place.
 """
 
 import ast
-import runpy
-import sys
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
 
 import pytest
 import yaml
@@ -16,6 +13,7 @@ from ament_index_python.packages import (
     get_package_prefix,
     get_package_share_directory,
 )
+from launch_stand_in import stand_in, started
 
 from tp_controller.errors import InvalidValue
 
@@ -52,8 +50,8 @@ def test_every_executable_of_these_packages_is_there(package, name):
 def test_packages_that_are_started_are_dependencies(package, name, repository):
     _, found = nodes(package, name)
     manifest = (repository / package / 'package.xml').read_text()
-    for started in {node['package'] for node in found} - {package}:
-        assert f'<exec_depend>{started}</exec_depend>' in manifest
+    for other in {node['package'] for node in found} - {package}:
+        assert f'<exec_depend>{other}</exec_depend>' in manifest
 
 
 def test_rviz_shows_the_topics_of_the_nodes():
@@ -76,45 +74,11 @@ def test_rviz_shows_the_topics_of_the_nodes():
     assert all(topic in text for topic in sent)
 
 
-def made(name):
-    """A class whose objects are what they were made of."""
-    return lambda *words, **values: SimpleNamespace(made=name, words=words, **values)
-
-
-class LaunchConfiguration:
-    def __init__(self, name):
-        self.name = name
-
-    def perform(self, context):
-        return context[self.name]
-
-
 @pytest.fixture
 def launched(monkeypatch):
     """What a launch file starts with these arguments, by the names of the executables."""
-    modules = {
-        'launch': {'LaunchDescription': list},
-        'launch.actions': {
-            name: made(name) for name in ('DeclareLaunchArgument', 'LogInfo', 'OpaqueFunction')
-        },
-        'launch.substitutions': {'LaunchConfiguration': LaunchConfiguration},
-        'launch_ros': {},
-        'launch_ros.actions': {'Node': made('Node')},
-    }
-    for name, values in modules.items():
-        module = ModuleType(name)
-        vars(module).update(values)
-        monkeypatch.setitem(sys.modules, name, module)
-
-    def launch(package, name, **arguments):
-        path = Path(get_package_share_directory(package)) / 'launch' / name
-        *declared, last = runpy.run_path(str(path))['generate_launch_description']()
-        context = {one.words[0]: one.default_value for one in declared}
-        assert set(arguments) <= set(context)
-        found = last.function({**context, **arguments})
-        return {getattr(one, 'executable', one.made): one for one in found}
-
-    return launch
+    stand_in(monkeypatch)
+    return started
 
 
 @pytest.fixture
