@@ -83,7 +83,7 @@ class Known:
     def __init__(self, root: Path) -> None:
         self.root = root
         makefile = (root / 'Makefile').read_text(encoding='utf-8')
-        self.targets = set(re.findall(r'^(\w+):', makefile, flags=re.MULTILINE))
+        self.targets = set(re.findall(r'^([\w-]+):', makefile, flags=re.MULTILINE))
         self.variables = set(re.findall(r'^(\w+) \?=', makefile, flags=re.MULTILINE))
         self.executables = {}
         for package in ('tp_controller', 'tp_sim'):
