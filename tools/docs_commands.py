@@ -18,14 +18,14 @@ sys.path.insert(0, str(ROOT / 'test' / 'helpers'))
 from shown_commands import commands  # noqa: E402
 from shown_programs import LONG, left_out, run, short, workplace  # noqa: E402
 
-LONGEST = 180.0
+LONGEST = 100.0
 """Time [s] that a short form may take."""
 BEGIN, END = '<!-- begin: tools/docs_commands.py -->', '<!-- end -->'
 NOT_HERE = (
     ('--scheduler', 'needs other machines'),
     ('benchmarks/run.py', 'needs the other libraries, and minutes: `make bench`'),
     ('benchmarks/view_cost.py', 'needs a browser'),
-    ('examples/gallery', 'writes a picture of these pages: `make figures`'),
+    ('first_motion.py', 'minutes, the shortest form too'),
     ('chatter.py', 'has no short form'),
     ('overshoot.py', 'has no short form'),
     ('c3_repeatability', 'has no short form'),

@@ -46,6 +46,7 @@ LEFT_OUT = (
         'ros2 run tp_controller measure_arm',
         'asks in the terminal before it moves the arm: test/node/test_measure_arm.py',
     ),
+    LeftOut('python examples/gallery/', 'writes pictures of docs: test/docs/test_gallery.py'),
     LeftOut('python course/run.py', 'a minute: test/course'),
     LeftOut('.*/faults --(only|record|page|controller)', 'minutes: test/node/test_faults.py'),
     LeftOut('python tools/view_pictures.py', 'needs a browser: test/node/test_view_page.py'),
@@ -53,7 +54,7 @@ LEFT_OUT = (
 )
 LONG = (
     LeftOut('python benchmarks/', 'seconds to hours'),
-    LeftOut('python examples/', 'some seconds each'),
+    LeftOut('python examples/singularity.py', 'some seconds'),
     LeftOut('ros2 run tp_sim (stress|compare)', 'seconds to hours'),
     LeftOut('ros2 run tp_controller batch --config', 'some seconds to hours'),
 )
@@ -67,7 +68,8 @@ SHORT = (
     ),
     (r'(benchmarks/reach\.py.*)', '--count 3'),
     (r'(benchmarks/priority_leak\.py(?!.*--draws).*)', '--draws 20'),
-    (r'(benchmarks/(transitions|soak)\.py.*)', '--minutes 0.1'),
+    (r'(benchmarks/transitions\.py.*)', '--minutes 0.1'),
+    (r'(benchmarks/soak\.py.*)', '--minutes 0.5'),
     (r'(benchmarks/(record_cost|view_cost)\.py.*)', '--rounds 1 --seconds 3'),
     (r'(benchmarks/task_changes\.py.*)', '--seconds 5'),
     (r'(benchmarks/schemes\.py.*)', '--blocks 1 --steps 100'),
@@ -137,12 +139,16 @@ def run(command, environment, folder, status=0, seconds=PATIENCE):
     """Run a command to its end, or to a Ctrl-C once it is up; raise AssertionError if it fails."""
     name, words = program(command)
     process = Process(name, words, environment, folder)
-    if name in UP and '--help' not in words:
-        process.wait_for_output(UP[name], seconds)
-        if name == 'record':
-            _wait_for_file(folder / words[1], process)
-        process.signal(signal.SIGINT)
-    found = process.wait(seconds)
+    try:
+        if name in UP and '--help' not in words:
+            process.wait_for_output(UP[name], seconds)
+            if name == 'record':
+                _wait_for_file(folder / words[1], process)
+            process.signal(signal.SIGINT)
+        found = process.wait(seconds)
+    finally:
+        if process.running:
+            process.kill()
     assert found == status, f'status {found}:\n{process.output}'
     assert 'Traceback' not in process.output, process.output
     return process.output
