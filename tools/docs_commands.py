@@ -24,8 +24,10 @@ BEGIN, END = '<!-- begin: tools/docs_commands.py -->', '<!-- end -->'
 NOT_HERE = (
     ('--scheduler', 'needs other machines'),
     ('benchmarks/run.py', 'needs the other libraries, and minutes: `make bench`'),
+    ('benchmarks/reach.py', 'needs the other libraries, and minutes'),
     ('benchmarks/view_cost.py', 'needs a browser'),
     ('first_motion.py', 'minutes, the shortest form too'),
+    ('benchmarks/soak.py', 'judges the machine as well: on a quiet one'),
     ('chatter.py', 'has no short form'),
     ('overshoot.py', 'has no short form'),
     ('c3_repeatability', 'has no short form'),
