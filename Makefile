@@ -6,7 +6,7 @@ VIEW_ARGS ?=
 WORKERS ?= $(shell echo $$(($$(nproc) + 1)))
 COURSE_ARGS ?=
 
-.PHONY: help setup demo view course test lint bench faults figures docs clean
+.PHONY: help setup demo view course test lint bench faults figures docs docs-commands clean
 
 help:
 	@echo 'make setup   install everything into this folder and build the packages'
@@ -19,6 +19,7 @@ help:
 	@echo 'make faults  faults around the running controller, each one judged; table in docs/faults.md'
 	@echo 'make figures pictures of all experiments, and docs/gallery.md with them'
 	@echo 'make docs    the docs site, in out/site'
+	@echo 'make docs-commands  commands of the pages that take long, in short forms; table in docs/commands.md'
 	@echo 'make clean   remove everything that the other targets made'
 
 setup:
@@ -52,6 +53,9 @@ docs: setup
 	@source ./setup.bash && NO_MKDOCS_2_WARNING=1 mkdocs build --strict --quiet -d out/site
 	@echo 'docs: $(CURDIR)/out/site/index.html'
 	@echo 'for the search: python3 -m http.server -d out/site, then http://localhost:8000'
+
+docs-commands: setup
+	@source ./setup.bash && python tools/docs_commands.py
 
 clean:
 	rm -rf .venv .venv-* build install log out .pytest_cache .mypy_cache .ruff_cache .hypothesis

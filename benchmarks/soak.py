@@ -34,6 +34,8 @@ GOAL = 2.0
 """Time [s] between goals."""
 LOOK = 5.0
 """Time [s] between looks at the memory."""
+SHORTEST = 0.5
+"""Time [min] with enough of them."""
 WARM_UP = 3.0
 """Time [s] at the start that is left out."""
 LARGEST_GROWTH = 5.0
@@ -237,4 +239,6 @@ if __name__ == '__main__':
     parser.add_argument('--minutes', type=float, default=60.0, help='how long (%(default)s)')
     parser.add_argument('--page', type=Path, help=f'page for the figures, such as {PAGE}')
     given = parser.parse_args()
+    if not given.minutes >= SHORTEST:
+        parser.error(f'--minutes: got {given.minutes:g}; accepts a number from {SHORTEST:g} up')
     raise SystemExit(0 if run(given.minutes, given.page) else 1)

@@ -21,8 +21,8 @@ REFUSALS = {'InvalidValue', 'Parameter', 'check_times'}
 """Calls with texts of the one form "key: got …; accepts …", and descriptions of parameters."""
 MISUSE = {'TypeError', 'ValueError', 'AssertionError', 'NotImplementedError', 'RuntimeError'}
 HELP = {'help', 'description', 'epilog', 'usage', 'metavar', 'prog', 'accepts'}
-PARTS = {'got', 'accepts', 'what', 'words', 'target_words', 'numbers'}
-"""Names of variables that hold a part of a refusal."""
+PARTS = {'got', 'accepts', 'what', 'words', 'target_words', 'numbers', 'HELP'}
+"""Names of variables that hold a part of a refusal, or the answer to --help."""
 
 
 def messages(repository: Path) -> dict[str, str]:

@@ -25,7 +25,7 @@ VERBS = {
     'lifecycle': {'set', 'get'},
     'control': {'switch_controllers'},
     'node': {'list'},
-    'topic': {'echo', 'hz', 'info', 'pub'},
+    'topic': {'echo', 'hz', 'info', 'list', 'pub'},
     'param': {'set', 'get'},
     'service': {'call'},
     'action': {'send_goal'},
@@ -48,7 +48,7 @@ def commands(text: str) -> Iterator[str]:
             block = outside
     for code in INLINE.findall('\n'.join(outside)):
         # Names of commands alone, such as those of ros2 param, are no commands.
-        if '…' not in code and not re.fullmatch(r'ros2 [a-z]+( [a-z]+)?', code):
+        if '…' not in code and not re.fullmatch(r'ros2 [a-z]+( [a-z_]+)?', code):
             yield ' '.join(code.split())
 
 
@@ -83,7 +83,7 @@ class Known:
     def __init__(self, root: Path) -> None:
         self.root = root
         makefile = (root / 'Makefile').read_text(encoding='utf-8')
-        self.targets = set(re.findall(r'^(\w+):', makefile, flags=re.MULTILINE))
+        self.targets = set(re.findall(r'^([\w-]+):', makefile, flags=re.MULTILINE))
         self.variables = set(re.findall(r'^(\w+) \?=', makefile, flags=re.MULTILINE))
         self.executables = {}
         for package in ('tp_controller', 'tp_sim'):

@@ -12,6 +12,7 @@ from ament_index_python.packages import get_package_prefix
 from sensor_msgs.msg import JointState
 
 from tp_sim.harness import Client, ClosedLoop, NodeProcess, PrivateDomain
+from tp_sim.harness.process import Process, executable_path
 
 SIGNALS = pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 ALL_SIGNALS = pytest.mark.parametrize(
@@ -133,6 +134,43 @@ def test_no_node_outlives_a_killed_test(config, tmp_path):
     while any(alive(pid) for pid in pids):
         assert time.monotonic() < end, 'a node is still there'
         time.sleep(0.05)
+
+
+@pytest.mark.parametrize('verb', ['run', 'launch'])
+def test_a_node_ends_at_rest_when_its_ros2_is_killed(config, tmp_path, verb):
+    # kill ends the command at once and does not reach what it has started.
+    ros2 = tmp_path / 'ros2'
+    ros2.write_text(
+        textwrap.dedent(f"""
+            import subprocess
+            node = subprocess.Popen([
+                {str(executable_path('tp_controller', 'controller'))!r},
+                '--ros-args', '--params-file', {str(config / 'a4_position_joint.yaml')!r},
+            ], start_new_session=True)
+            print(node.pid, flush=True)
+            node.wait()
+        """)
+    )
+    domain = PrivateDomain()
+    command = Process('ros2', [sys.executable, str(ros2), verb], domain.environment())
+    command.wait_for_output('waiting for joint states', PATIENCE)
+    pid = int(command.output.split()[0])
+    command.kill()
+    command.wait_for_output('ended by SIGTERM: zero command sent', PATIENCE)
+    end = time.monotonic() + PATIENCE
+    while alive(pid):
+        assert time.monotonic() < end, 'the node is still there'
+        time.sleep(0.05)
+    domain.close()
+
+
+@pytest.mark.parametrize(
+    ('package', 'executable'), [('tp_controller', 'controller'), ('tp_sim', 'simulator')]
+)
+def test_a_node_says_how_it_is_started(package, executable):
+    command = [str(executable_path(package, executable)), '--help']
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith(f'usage: {executable} --ros-args --params-file FILE')
 
 
 def catches(pid, number):

@@ -6,10 +6,14 @@ Example, with ros2_control's forward_command_controller::
         velocity_command:=/velocity_controller/commands
 """
 
+from pathlib import Path
+
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+
+from tp_controller.errors import InvalidValue
 
 ARGUMENTS = (
     ('config', None, 'parameter file of the controller'),
@@ -49,6 +53,8 @@ def generate_launch_description():
 
 def _nodes(context):
     given = {name: LaunchConfiguration(name).perform(context) for name, _, _ in ARGUMENTS}
+    if not Path(given['config']).is_file():
+        raise InvalidValue('config', repr(given['config']), 'a parameter file')
     # Only what was given: the file counts else.
     values = {name: given[name] == 'true' for name in SWITCHES if given[name]}
     return [

@@ -14,6 +14,7 @@ from tp_controller.command_line import OneLineParser
 from tp_controller.config import read_parameters
 from tp_controller.config.files import read_parameter_file
 from tp_controller.errors import TaskPriorityError
+from tp_controller.ros.parent import end_with_ros2
 from tp_sim.harness import HarnessError, NodeProcess
 
 REFUSED, ENDED = 2, 1
@@ -31,6 +32,7 @@ def main() -> int:
     """
     given = _parser().parse_args()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    end_with_ros2()
     try:
         # What the controller would refuse is refused before any process starts.
         read_parameters(read_parameter_file(given.config, 'tp_controller'))

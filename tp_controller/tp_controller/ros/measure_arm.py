@@ -41,6 +41,7 @@ from tp_controller.ros.arguments import one_line
 from tp_controller.ros.commands import CommandPublisher, command_topic
 from tp_controller.ros.joint_states import JointStateReader
 from tp_controller.ros.neighbours import publishers
+from tp_controller.ros.parent import end_with_ros2
 from tp_controller.ros.run import SIGNALS
 from tp_controller.stack import Stack
 
@@ -277,6 +278,7 @@ class _Measurement:
         for number in SIGNALS:
             if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
                 signal.signal(number, request)
+        end_with_ros2()
 
     def _move(self, i: int, way: float) -> Fit:
         """Move one joint there and back; return what it makes of its commands."""

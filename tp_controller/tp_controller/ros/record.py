@@ -20,6 +20,7 @@ from tp_controller.command_line import REFUSED, OneLineParser, positive_time
 from tp_controller.errors import InvalidValue
 from tp_controller.recording import Contents, RecordingWriter
 from tp_controller.ros.arguments import one_line
+from tp_controller.ros.parent import end_with_ros2
 from tp_controller.ros.recorder import Recorder
 
 NOTHING_SEEN = 1
@@ -41,6 +42,7 @@ def main() -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         # An exception in the middle of a write would spoil the file.
         signal.signal(number, lambda signum, _: ended.append(signum))
+    end_with_ros2()
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:

@@ -12,7 +12,10 @@ import os
 import signal
 import sys
 import traceback
+from collections.abc import Sequence
 from typing import Any
+
+from tp_controller.ros.parent import end_with_ros2
 
 REFUSED = 2
 """Exit status after a configuration that cannot be used."""
@@ -26,6 +29,11 @@ PRIORITY = -10
 """Nice value of a node, where that is permitted: a busy machine then delays it less."""
 FAILURES = 10
 """So many callbacks in a row that fail are too many to go on."""
+HELP = """\
+usage: {program} --ros-args --params-file FILE [-p {name}:KEY:=VALUE] [-r FROM:=TO]
+
+The keys of the file are in docs/parameters.md; ros2 run tp_controller check FILE tells what is
+wrong with it."""
 
 
 class _Stop:
@@ -55,11 +63,15 @@ def run_node(name: str, module: str, node_class: str) -> int:
     int
         Exit status: 0 after a signal, 1 after an error, 2 after a refused configuration.
     """
+    if _asks_for_help(sys.argv):
+        print(HELP.format(program=os.path.basename(sys.argv[0]), name=name))
+        return 0
     _ask_for_priority()
     _leave_out()
     for number in SIGNALS:
         # Before the node exists there is nothing to bring to rest.
         _handle(number, lambda *_: os._exit(0))
+    end_with_ros2()
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
@@ -86,6 +98,16 @@ def run_node(name: str, module: str, node_class: str) -> int:
         # rcl could not read the arguments; its exceptions have no other root.
         return _refuse(name, arguments.one_line(error))
     return _spin(name, node, stop)
+
+
+def _asks_for_help(argv: Sequence[str]) -> bool:
+    """Whether an argument before those of ROS asks for help."""
+    for word in argv[1:]:
+        if word == '--ros-args':
+            break
+        if word in ('-h', '--help'):
+            return True
+    return False
 
 
 def _handle(number: int, handler: Any) -> None:

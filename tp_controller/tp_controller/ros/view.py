@@ -24,6 +24,7 @@ from tp_controller.parameters import Flat
 from tp_controller.recording import Recording
 from tp_controller.ros.arguments import one_line
 from tp_controller.ros.codecs import GOALS
+from tp_controller.ros.parent import end_with_ros2
 from tp_controller.ros.remote_parameters import RemoteParameters
 from tp_controller.ros.view_link import ViewLink
 from tp_controller.ros.view_model import ViewModel
@@ -54,6 +55,7 @@ def main() -> int:
     """
     given = _parser().parse_args(remove_ros_args(sys.argv)[1:])
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    end_with_ros2()
     page: Page | None = None
     node: Node | None = None
     try:

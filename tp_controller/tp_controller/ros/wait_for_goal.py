@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.status import Status
 
+from tp_controller.ros.parent import end_with_ros2
 from tp_interfaces.action import Reach
 
 LINE_PERIOD = 1.0
@@ -55,6 +56,7 @@ class GoalWaiter:
         """
         for number in SIGNALS:
             signal.signal(number, self._on_signal)
+        end_with_ros2()
         self._wait(self._client.server_is_ready, f'no controller takes goals on {self._topic}')
         sent = self._client.send_goal_async(goal, feedback_callback=self._on_feedback)
         # A signal meanwhile cancels the goal once it is known: the controller may have it.

@@ -18,6 +18,7 @@ from rich.live import Live
 from tp_controller.command_line import OneLineParser, positive_time
 from tp_controller.ros.arguments import one_line
 from tp_controller.ros.cycle import ANSWERING
+from tp_controller.ros.parent import end_with_ros2
 from tp_controller.ros.watch_table import render
 from tp_controller.ros.watcher import SETTLE, Watcher
 
@@ -37,6 +38,7 @@ def main() -> int:
     """
     given = _parser().parse_args(remove_ros_args(sys.argv)[1:])
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    end_with_ros2()
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
