@@ -31,7 +31,9 @@ def main() -> int:
         Exit status: 0; 1 if one of them has ended by itself; 2 if an argument cannot be used.
     """
     given = _parser().parse_args()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # Who started this in the background of a script had SIGINT ignored.
+        signal.signal(number, signal.default_int_handler)
     end_with_ros2()
     try:
         # What the controller would refuse is refused before any process starts.

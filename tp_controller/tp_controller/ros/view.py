@@ -54,7 +54,9 @@ def main() -> int:
         Exit status 2: an argument cannot be used. After Ctrl-C the process ends here, with 0.
     """
     given = _parser().parse_args(remove_ros_args(sys.argv)[1:])
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # Who started this in the background of a script had SIGINT ignored.
+        signal.signal(number, signal.default_int_handler)
     end_with_ros2()
     page: Page | None = None
     node: Node | None = None

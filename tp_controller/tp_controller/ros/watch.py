@@ -37,7 +37,9 @@ def main() -> int:
         joint states; 2 if an argument cannot be used.
     """
     given = _parser().parse_args(remove_ros_args(sys.argv)[1:])
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # Who started this in the background of a script had SIGINT ignored.
+        signal.signal(number, signal.default_int_handler)
     end_with_ros2()
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

@@ -193,8 +193,7 @@ class HQPSolver(Solver):
         self._lower[:], self._upper[:] = bounds.soon_lower, bounds.soon_upper
         self.proven = self.problem.solve(J, asked, self._lower, self._upper, qd)
         problem, rows = self.problem, self._one_sided
-        again = self._damped and loser < 0
-        if not (again and self._pass_again(J, velocity, bounds, qd, curvature)):
+        if not (self._damped and self._pass_again(J, velocity, bounds, qd, curvature, loser)):
             J.dot(qd, out=self._moved)
         if rows.size:
             stops = problem.stopped_rows[rows] >= 0
@@ -269,8 +268,9 @@ class HQPSolver(Solver):
         bounds: Bounds,
         qd: Vector,
         curvature: Curvature | None,
+        loser: int,
     ) -> bool:
-        """Let levels ask for what they get together with what stopped them.
+        """Let levels above the first loser ask for what they get together with what stopped them.
 
         Returns
         -------
@@ -290,8 +290,11 @@ class HQPSolver(Solver):
             return False
         if found < 0:
             raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
+        if loser >= 0:
+            first = self._starts[loser]
+            self._again[first:] = self._asked[first:]
         J.dot(self._free, out=self._moved)
-        if found == second.ONE and self._suits(J, velocity - BROKEN, bounds):
+        if loser < 0 and found == second.ONE and self._suits(J, velocity - BROKEN, bounds):
             qd[:] = self._free
         else:
             self.proven = problem.solve(J, self._again, self._lower, self._upper, qd)
