@@ -33,6 +33,8 @@ class LoneController:
         self.client = Client(self.domain)
         self.commands: list[Any] = self.client.collect(command_type, 'joint_velocity_command')
         self.stamp = 0
+        self.held_up = 0
+        """Joint states that a busy machine held up until they were too old, see `ask`."""
 
     def wait_until_up(self) -> None:
         """Wait until it speaks, and hears and is heard."""
@@ -72,6 +74,7 @@ class LoneController:
             )
             if found := answers():
                 return list(found[0].velocity)
+            self.held_up += 1
 
     def give_bad(self, position: Sequence[float], names: Sequence[str] = JOINTS) -> str:
         """Publish a joint state that is to be ignored; return what is said about it."""
