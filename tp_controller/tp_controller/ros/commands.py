@@ -52,6 +52,8 @@ class CommandPublisher:
         The command sent last (n,) [rad/s, m/s].
     rest
         What is sent to an arm at rest, in words.
+    waiting
+        Whether it is not known yet who reads the commands.
     moving
         Whether the arm is known to move: it is then braked though its readers are not known yet.
     """
@@ -74,7 +76,7 @@ class CommandPublisher:
             msg, field = Float64MultiArray(), 'data'
         self.velocity = np.zeros(robot.n)
         self.rest = 'zero command' if reference is None else 'last position'
-        self._blocked = self._waiting = self.moving = False
+        self._blocked = self.waiting = self.moving = False
         self._publisher = node.create_publisher(
             type(msg), command_topic(command_type), QUEUE_DEPTH
         )
@@ -91,7 +93,7 @@ class CommandPublisher:
     @property
     def withheld(self) -> bool:
         """Whether commands are not sent at present."""
-        return self._blocked or (self._waiting and not self.moving)
+        return self._blocked or (self.waiting and not self.moving)
 
     @property
     def heard(self) -> bool:
@@ -152,7 +154,7 @@ class CommandPublisher:
         """
         if blocked and not self._blocked and self._reference is None and self.velocity.any():
             self.send(0.0)
-        self._blocked, self._waiting = blocked, waiting
+        self._blocked, self.waiting = blocked, waiting
 
     def wait_until_arrived(self) -> None:
         """Give the last command time to arrive."""

@@ -239,7 +239,8 @@ class Cycle:
     def _answer(self, arrival: Arrival) -> bool:
         """Send the command that answers a state, or a newer one if that took too long."""
         lateness, state = self._lateness, self._state
-        self._commands.moving = self._reference is None and self._moves()
+        if self._commands.waiting:
+            self._commands.moving = self._reference is None and self._moves()
         if self._commands.withheld:
             return False
         lateness.begin()

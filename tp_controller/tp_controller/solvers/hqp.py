@@ -220,9 +220,8 @@ class HQPSolver(Solver):
             missed = self._asked[:above] - self._moved[:above]
             missed[self._equal[:above]] = np.abs(missed[self._equal[:above]])
             if missed.max() > KEPT * max(1.0, float(np.abs(self._asked[:above]).max())):
-                below = self._equal.copy()
-                below[:above] = False
-                np.copyto(self._asked, self._moved, where=below)
+                below = slice(above, None)
+                np.copyto(self._asked[below], self._moved[below], where=self._equal[below])
                 return False
         self.problem.take(J, self._asked)
         if self._one_sided.size:
