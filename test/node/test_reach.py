@@ -31,6 +31,15 @@ def loop(running):
     return running
 
 
+def sets_off(loop):
+    """Let the arm move; after a reset by a little it is braked for a while: it does not follow."""
+    begin = loop.time
+    while np.abs(loop.state.command).max() <= 0.1:
+        assert loop.time < begin + 2.0
+        loop.step()
+    loop.run(0.3)
+
+
 def rests(loop):
     """Whether the end of the arm is at rest now and stays there."""
     loop.run(0.4)
@@ -105,12 +114,7 @@ def test_a_time_limit_ends_it_and_the_arm_stays(loop):
 
 def test_cancelled_on_the_way_the_arm_brakes_inside_its_limits_and_never_turns_back(loop):
     call = loop.client.start_reach({'ee_position': FREE})
-    # After a reset by a little the arm is braked for a while: it does not follow.
-    begin = loop.time
-    while np.abs(loop.state.command).max() <= 0.1:
-        assert loop.time < begin + 2.0
-        loop.step()
-    loop.run(0.3)
+    sets_off(loop)
     loop.clear_record()
     call.cancel()
     result = loop.finish(call)
@@ -125,7 +129,7 @@ def test_cancelled_on_the_way_the_arm_brakes_inside_its_limits_and_never_turns_b
 @pytest.mark.parametrize('newer', ['reach', 'topic', 'parameter'])
 def test_a_newer_target_replaces_it(loop, newer):
     call = loop.client.start_reach({'ee_position': FREE, 'posture': [0.1, 0.5, 0.5]})
-    loop.run(0.3)
+    sets_off(loop)
     if newer == 'reach':
         other = loop.client.start_reach({'ee_position': [1.2, 0.5]}, time_limit=0.1)
         assert loop.finish(other).outcome == Result.TIMED_OUT
