@@ -115,6 +115,7 @@ def measure(name: str, count: int, console: Console) -> dict[str, list[float]]:
             # The first goal starts the planner's process.
             if i:
                 found[kind].append(watch.first)
+                console.print(f'{name} {i}: {kind}, {watch.first:.2f} s', markup=False)
             else:
                 console.print(f'{name}: first goal of all: {watch.first:.2f} s')
             wait_for_rest(loop)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from random_stacks import examples
 
 from tp_controller.braking import ROUNDING, approach, bound, coast, steps_to_rest, viable_speed
+from tp_controller.prepared import Prepared
 
 seeds = st.integers(0, 10_000)
 
@@ -51,9 +52,10 @@ class Joints:
 
     def step(self, wish):
         limits = (self.speed, self.low, self.high, self.acceleration)
-        bound(self.q, self.qd, *limits, self.dt, *self.bounds)
+        Prepared(bound, self.q, self.qd, *limits, self.dt, *self.bounds).run()
         before, self.qd = self.qd, np.zeros(self.n)
-        approach(wish, before, self.acceleration, self.dt, *self.bounds[2:], self.qd)
+        given = self.acceleration, self.dt, *self.bounds[2:]
+        Prepared(approach, wish, before, *given, self.qd).run()
         self.q = self.q + self.dt * self.qd
         return before
 
@@ -115,7 +117,8 @@ def test_all_joints_go_the_same_share_of_the_way(seed):
     joints = Joints(seed)
     before, wish = joints.rng.normal(size=(2, joints.n))
     out, endless = np.zeros(joints.n), np.full(joints.n, np.inf)
-    approach(wish, before, joints.acceleration, joints.dt, -endless, endless, out)
+    given = joints.acceleration, joints.dt, -endless, endless
+    Prepared(approach, wish, before, *given, out).run()
     shares = (out - before) / (wish - before)
     np.testing.assert_allclose(shares, shares[0], rtol=1e-6)
     most = np.min(joints.acceleration * joints.dt / np.abs(wish - before))
@@ -150,6 +153,7 @@ def test_braking_is_the_sum_of_its_steps(seed, steps, together):
 def test_a_limit_that_is_lowered_below_the_speed_is_reached_by_braking():
     lower, upper, soon_lower, soon_upper = bounds = np.zeros((4, 1))
     one, endless = np.ones(1), np.full(1, np.inf)
-    bound(np.zeros(1), 2.0 * one, one, -endless, endless, 5.0 * one, 0.1, *bounds)
+    limits = one, -endless, endless, 5.0 * one
+    Prepared(bound, np.zeros(1), 2.0 * one, *limits, 0.1, *bounds).run()
     np.testing.assert_allclose([soon_lower, soon_upper], 1.5)
     np.testing.assert_array_equal([lower, upper], [[-np.inf], [np.inf]])

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import NO_VALUE, InvalidValue, shown
+from tp_controller.prepared import Prepared
 from tp_controller.robot.response import Response
 from tp_controller.robot.space import Space
 from tp_controller.winding import widen, wound
@@ -44,6 +45,8 @@ JUMP = 3.0
 """So many times as far as its velocity limit lets it a joint does not get."""
 JUMP_LEAST = 0.05
 """Distance [rad, m] that is never a jump."""
+NOW, PASSED, HEAD, LIMIT, STEP, BEFORE = 1, 2, 5, 6, 14, 16
+"""Places among the arguments of `tp_controller.following.follow`."""
 FARTHEST = 1e6
 """Position [rad, m] that no joint has."""
 WINDOW = 0.05
@@ -130,7 +133,8 @@ class Arm:
         self._z, self._p, self._v, self._v_high, self._v_low = self._state[:5]
         self._parted, self._fastest, self._q, self._candidate = self._state[5:]
         self.limit = np.full(n, math.inf)
-        self._found, self._asked = np.zeros(2), np.zeros(n)
+        self._found, self._asked, self._measure = np.zeros(2), np.zeros(n), np.zeros(n)
+        self._moves: Prepared | None = None
         held = math.ceil(response.hold / period - SAME) + 1 if response.hold else 0
         self.upper, self.lower = np.zeros((2, n))
         self.held_upper, self.held_lower = np.zeros((2, held, n))
@@ -310,7 +314,17 @@ class Arm:
         blocked then.
         """
         self._asked[:] = before
-        if not self._kernel.follow(q, self._now, passed, *self._arguments(before)):
+        if self._moves is None:
+            self._moves = self._prepared()
+        call = self._moves
+        self._measure[:] = q
+        call.put(NOW, self._now)
+        call.put(PASSED, passed)
+        call.put(HEAD, self._head)
+        call.put(STEP, self.step)
+        call.replace(BEFORE, before)
+        call.replace(LIMIT, self.limit)
+        if not call.run():
             return False
         doubtful = abs(passed - self.period) > DOUBTFUL * self.period
         if doubtful and qd is not None and not np.array_equal(before, self._asked):
@@ -345,10 +359,14 @@ class Arm:
         self._anchor[:] = q
         return x
 
-    def _arguments(self, before: Vector) -> tuple[Any, ...]:
-        """What `tp_controller.following.follow` is to be called with, after the times."""
+    def _prepared(self) -> Prepared:
+        """The call of `tp_controller.following.follow`."""
         response = self.response
-        return (
+        return Prepared(
+            self._kernel.follow,
+            self._measure,
+            self._now,
+            self._now,
             self._times,
             self._commands,
             self._head,
@@ -356,13 +374,13 @@ class Arm:
             response.delay,
             response.lag,
             response.noise,
-            response.hold,
+            float(response.hold),
             self._ideal,
             self._exact,
-            self.period,
-            self.step,
+            float(self.period),
+            float(self.step),
             self._tolerances,
-            before,
+            np.zeros(self._n),
             self._state,
             self._found,
             self.upper,

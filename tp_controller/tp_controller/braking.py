@@ -69,6 +69,7 @@ def _return_speed(outside, speed, dt):  # type: ignore[no-untyped-def]
         COLUMN,
     ),
     cache=True,
+    prepared=True,
 )
 def bound(  # type: ignore[no-untyped-def]
     q,
@@ -124,7 +125,7 @@ def bound(  # type: ignore[no-untyped-def]
         soon_lower[i], soon_upper[i] = min(low, high), max(low, high)
 
 
-@njit(void(COLUMN, COLUMN, FIXED, float64, FIXED, FIXED, COLUMN), cache=True)
+@njit(void(COLUMN, COLUMN, FIXED, float64, FIXED, FIXED, COLUMN), cache=True, prepared=True)
 def approach(wish, before, acceleration, dt, lower, upper, out):  # type: ignore[no-untyped-def]
     """Go from the last velocities towards wished ones (n,) as far as this step allows.
 
@@ -209,6 +210,7 @@ def held_speed(distance, change, dt, period, held, joint, sign):  # type: ignore
         COLUMN,
     ),
     cache=True,
+    prepared=True,
 )
 def bound_late(  # type: ignore[no-untyped-def]
     p,

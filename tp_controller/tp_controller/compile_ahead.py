@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from tp_controller import compiled
+from tp_controller.prepared_callers import prepared_caller
 
 
 def build() -> Path:
@@ -88,10 +89,14 @@ def _compile(paths: list[Path], folder: Path) -> None:
         importlib.import_module(name)
         library = compiler(compiled.part_name(name), source_module=__name__)
         library.target_cpu = compiled.processor()
-        found = [(made, types) for made, types in compiled.collected if made.__module__ == name]
-        for function, types in found:
+        found = [entry for entry in compiled.collected if entry[0].__module__ == name]
+        for function, types, prepared in found:
             signature = types[0] if isinstance(types, list) else types
-            library.export(function.__name__, signature)(_caller(function))
+            caller = _caller(function)
+            if prepared:
+                caller, signature = prepared_caller(lean(function), signature)
+                caller = _named(function, caller)
+            library.export(function.__name__, signature)(caller)
         if found:
             library.output_dir, library.output_file = (
                 str(folder),
@@ -100,16 +105,23 @@ def _compile(paths: list[Path], folder: Path) -> None:
             library.compile()
 
 
+def lean(function: Callable[..., Any]) -> Any:
+    """Compile a function when it is called, without counts of its views of arrays."""
+    return importlib.import_module('numba').njit(**compiled.LEAN)(function)
+
+
+def _named(function: Callable[..., Any], caller: Callable[..., Any]) -> Callable[..., Any]:
+    caller.__name__ = caller.__qualname__ = function.__name__
+    return caller
+
+
 def _caller(function: Callable[..., Any]) -> Callable[..., Any]:
     """Function that calls another one, compiled as lean as inner ones.
 
     Exported functions themselves have to count their arguments.
     """
-    lean = importlib.import_module('numba').njit(**compiled.LEAN)(function)
     names = ', '.join(inspect.signature(function).parameters)
-    caller: Callable[..., Any] = eval(f'lambda {names}: lean({names})', {'lean': lean})
-    caller.__name__ = caller.__qualname__ = function.__name__
-    return caller
+    return _named(function, eval(f'lambda {names}: lean({names})', {'lean': lean(function)}))
 
 
 def _module(path: Path) -> str:

@@ -25,6 +25,8 @@ from types import ModuleType
 from typing import Any
 
 PACKAGE = Path(__file__).parent
+MAKERS = ('compiled.py', 'compile_ahead.py', 'prepared_callers.py')
+"""What makes the library, beside its sources."""
 IMPORT = b'\nfrom tp_controller.compiled import '
 """What a module with compiled functions has in it."""
 FROM = re.compile(rb'^from (tp_controller\.[.\w]+) import', re.MULTILINE)
@@ -42,8 +44,9 @@ a third of the time of small matrices, and a division by zero is infinite."""
 COMPILING = 'TP_CONTROLLER_COMPILING'
 """Variable of the environment of processes that make the library."""
 
-collected: list[tuple[Callable[..., Any], Any]] = []
-"""In a process that makes the library: functions with signatures, of all modules imported."""
+collected: list[tuple[Callable[..., Any], Any, bool]] = []
+"""In a process that makes the library: functions with signatures, of all modules imported, and
+whether they are called as `Prepared`."""
 
 
 @cache
@@ -81,10 +84,14 @@ def library_path() -> Path:
 
 
 def key(paths: Iterable[Path]) -> str:
-    """What machine code of these sources depends on: their text, kind of processor and Python."""
+    """What machine code of these sources depends on: their text, kind of processor and Python.
+
+    Also that of what makes it.
+    """
     digest = hashlib.sha256(f'{platform.machine()} {processor()} {SUFFIX}'.encode())
-    for path in sorted(paths):
-        digest.update(path.read_bytes())
+    for path in [*sorted(paths), *(PACKAGE / name for name in MAKERS)]:
+        if path.is_file():
+            digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -119,10 +126,13 @@ def imported(path: Path) -> set[Path]:
     return found - {Path(__file__)}
 
 
-def njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]:
+def njit(
+    *signature: Any, prepared: bool = False, **options: Any
+) -> Callable[[Callable[..., Any]], Any]:
     """Decorate a function that is to be compiled; as ``numba.njit``.
 
-    The library has those with a signature. The others are for these to call.
+    The library has those with a signature. The others are for these to call. One that is
+    ``prepared`` takes a place in the library that only `Prepared` can call.
     """
     if library() is not None:
         return _out_of_library
@@ -132,7 +142,7 @@ def njit(*signature: Any, **options: Any) -> Callable[[Callable[..., Any]], Any]
         return numba.njit(*signature, **options)
 
     def compile_when_called(function: Callable[..., Any]) -> Any:
-        collected.extend((function, types) for types in signature)
+        collected.extend((function, types, prepared) for types in signature)
         # Nothing of it is used by another process.
         return numba.njit(**options | {'cache': False})(function)
 

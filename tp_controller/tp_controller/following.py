@@ -578,6 +578,7 @@ def expect(  # type: ignore[no-untyped-def]
         ROWS,
     ),
     cache=True,
+    prepared=True,
 )
 def follow(  # type: ignore[no-untyped-def]
     q,

@@ -152,7 +152,8 @@ class PositionReference:
         if self.notice:
             if self._stood >= STOOD:
                 self._stack.rest()
-            return Step(self.brake(), 1.0, ())
+            command = self.brake()
+            return Step(command, command.size, 1.0, [])
         step = self._stack.step_in_place(self._model(), self.step)
         if self._fresh:
             self._stack.stay()

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from tp_controller.arm import Arm
 from tp_controller.errors import NO_VALUE, InvalidValue, UnusableState, shown
 from tp_controller.lookahead import Lookahead
+from tp_controller.prepared import Prepared
 from tp_controller.problem import checked_array
 from tp_controller.robot import Limits, Robot
 from tp_controller.solvers import Bounds
@@ -22,6 +23,8 @@ Matrix = NDArray[np.float64]
 
 LEAST_CHANGE = 1e-9
 """Least change of a velocity [rad/s, m/s] in a step that an acceleration limit may allow."""
+ACCELERATION, STEP = 5, 6
+"""Places among the arguments of `tp_controller.braking.bound` and ``bound_late``."""
 SHARES = (0.5, 0.25, 0.125)
 """How much of a command that cannot be sent is tried, the rest being braking."""
 AT_LIMIT = 1e-9
@@ -181,34 +184,48 @@ class SafetyFilter:
 
     def _fill(self, acceleration: Vector, bounds: Bounds) -> None:
         """Fill the bounds for limits of acceleration (n,)."""
-        arm, limits = self.arm, self._robot.limits
-        if self._late:
-            self._braking.bound_late(
-                arm.p,
-                self._before,
-                limits.velocity,
-                limits.position_min,
-                limits.position_max,
-                acceleration,
-                arm.step,
-                self.period,
-                arm.response.noise,
-                arm.upper,
-                arm.lower,
-                arm.held_upper,
-                arm.held_lower,
-                *bounds[1:5],
-            )
-            return
-        self._braking.bound(
-            arm.z,
+        call = self._bound
+        given = call.arguments
+        if given[-1] is not bounds.soon_upper or given[ACCELERATION] is not acceleration:
+            call.replace(ACCELERATION, acceleration)
+            for i, array in enumerate(bounds[1:5], len(given) - 4):
+                call.replace(i, array)
+        call.put(STEP, self.arm.step)
+        call.run()
+
+    def _prepare(self, limits: Limits) -> None:
+        """Prepare the calls that fill bounds and bring commands to them."""
+        # Compiled, or loaded, with the solver's kernel, not to refuse a parameter file.
+        from tp_controller import braking
+
+        arm, late = self.arm, self._late
+        low, high, soon_low, soon_high = self._bounds[1:5]
+        more = (float(self.period), arm.response.noise, arm.upper, arm.lower)
+        self._braking = braking
+        self._bound = Prepared(
+            braking.bound_late if late else braking.bound,
+            arm.p if late else arm.z,
             self._before,
             limits.velocity,
             limits.position_min,
             limits.position_max,
-            acceleration,
-            arm.step,
-            *bounds[1:5],
+            limits.acceleration,
+            float(self.period),
+            *((*more, arm.held_upper, arm.held_lower) if late else ()),
+            low,
+            high,
+            soon_low,
+            soon_high,
+        )
+        self._approach = Prepared(
+            braking.approach,
+            self._way,
+            self._before,
+            limits.acceleration,
+            float(self.period),
+            soon_low,
+            soon_high,
+            self._way,
         )
 
     def _model(self, robot: Robot) -> Arm:
@@ -218,10 +235,6 @@ class SafetyFilter:
         return arm
 
     def _use(self, limits: Limits) -> None:
-        # Compiled, or loaded, with the solver's kernel, not to refuse a parameter file.
-        from tp_controller import braking
-
-        self._braking = braking
         self._limits = limits
         self.arm.limit = limits.velocity
         self._step, self._acceleration = self.period, limits.acceleration
@@ -245,6 +258,7 @@ class SafetyFilter:
                 self._before if np.isfinite(change).any() else None,
                 self.period,
             )
+        self._prepare(limits)
 
     def pass_on(self, command: Vector) -> None:
         """Turn a wished command (n,), inside the velocity limits, into one that can be sent.
@@ -275,15 +289,13 @@ class SafetyFilter:
             acceleration, bounds = transition.acceleration(self._before), transition.bounds
         else:
             acceleration, bounds = self._robot.limits.acceleration, self._bounds
-        self._braking.approach(
-            command,
-            self._before,
-            acceleration,
-            self.period,
-            bounds.soon_lower,
-            bounds.soon_upper,
-            command,
-        )
+        call = self._approach
+        wish, _, given, *_ = call.arguments
+        if wish is not command or given is not acceleration:
+            arrays = {0: command, 2: acceleration, 4: bounds.soon_lower, 5: bounds.soon_upper}
+            for i, array in {**arrays, 6: command}.items():
+                call.replace(i, array)
+        call.run()
 
     def step(
         self,

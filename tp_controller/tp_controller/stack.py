@@ -10,7 +10,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tp_controller.arm import Arm
 from tp_controller.errors import InvalidValue, UnusableState, shown
@@ -71,15 +71,35 @@ class System(NamedTuple):
     """Task velocity of the command (k,), which the safety filter may have changed."""
 
 
-class Step(NamedTuple):
-    """Result of one step."""
+Layout = list[tuple[tuple[str, ...], slice, slice]]
+"""Names of the tasks of every level, and where a step has what it asked for and got."""
 
-    command: Vector
-    """Joint velocity (n,) [rad/s, m/s]."""
-    scale: float
-    """What the velocity limits cost, see `Solver.solve`; 1 if none was reached."""
-    levels: tuple[LevelResult, ...]
-    """One result per level, highest first."""
+
+class Step:
+    """Result of one step.
+
+    Attributes
+    ----------
+    command
+        Joint velocity (n,) [rad/s, m/s].
+    scale
+        What the velocity limits cost, see `Solver.solve`; 1 if none was reached.
+    """
+
+    __slots__ = ('_answers', '_layout', 'command', 'scale')
+
+    def __init__(self, answers: Vector, n: int, scale: float, layout: Layout) -> None:
+        self._answers, self._layout = answers, layout
+        self.command, self.scale = answers[:n], scale
+
+    @property
+    def levels(self) -> tuple[LevelResult, ...]:
+        """One result per level, highest first."""
+        found = self._answers
+        levels = [
+            LevelResult(names, found[asked], found[got]) for names, asked, got in self._layout
+        ]
+        return tuple(levels)
 
 
 class Stack:
@@ -340,12 +360,12 @@ class Stack:
             for task in self._ranked
             if not (task.parts or task.set_based)
         ]
-        self._level_answers = []
+        self._layout: Layout = []
         for tasks in members:
             rows = self._level_rows(tasks)
             asked = slice(n + rows.start, n + rows.stop)
             got = slice(asked.start + k, asked.stop + k)
-            self._level_answers.append((tuple(task.name for task in tasks), asked, got))
+            self._layout.append((tuple(task.name for task in tasks), asked, got))
         self._bounding = [task for task in self._ranked if isinstance(task, SetBasedTask)]
         above = next((i for i, level in enumerate(members) if not all_set_based(level)), k)
         guarded = [self._level_rows(level) for level in members[:above]]
@@ -356,7 +376,7 @@ class Stack:
         self._curvature = Curvature(known, np.zeros((k, n, n)), self._fill_hessians)
         self.rows = Rows(self._rows, self._J, self._velocity)
         """Rows of the last step, to be read."""
-        self._results = self._results_in(_read_only(self._answers))
+        self._shown = _read_only(self._answers)
         self.prepare_solver()
         self.safety_filter.watch(self._kept())
 
@@ -367,15 +387,6 @@ class Stack:
             if len(bounds) < len(members) or not all(task.one_sided for task in bounds):
                 return
             yield from bounds
-
-    def _results_in(self, answers: Vector) -> tuple[LevelResult, ...]:
-        """Views of what every level asked for and got in an array like that of the answers."""
-        return tuple(
-            [
-                LevelResult(names, answers[asked], answers[got])
-                for names, asked, got in self._level_answers
-            ]
-        )
 
     def _level_rows(self, tasks: Sequence[Task]) -> slice:
         return slice(self._rows[tasks[0].name].start, self._rows[tasks[-1].name].stop)
@@ -616,16 +627,15 @@ class Stack:
         """What the arm makes of the commands, and whether it follows them."""
         return self.safety_filter.arm
 
-    def step(self, q: Vector, elapsed: float | None = None, qd: Vector | None = None) -> Step:
+    def step(self, q: ArrayLike, elapsed: float | None = None, qd: Vector | None = None) -> Step:
         """Compute the command that answers a measured state.
 
         Parameters, result and errors are those of `step_in_place`; the arrays of the result are
         the caller's own.
         """
         try:
-            step = self.step_in_place(q, elapsed, qd)
-            answers = self._answers.copy()
-            return Step(answers[: self.robot.n], step.scale, self._results_in(answers))
+            step = self.step_in_place(np.asarray(q, dtype=float), elapsed, qd)
+            return Step(self._answers.copy(), self.robot.n, step.scale, self._layout)
         except UnusableState as error:
             if error.command is not None:
                 error.command = error.command.copy()
@@ -719,7 +729,7 @@ class Stack:
             positions are finite the error has a command: braking.
         """
         # The sum of what is finite may overflow: it is only quicker.
-        if not (math.isfinite(np.add.reduce(q)) or np.isfinite(q).all()):
+        if not (math.isfinite(sum(q.tolist())) or np.isfinite(q).all()):
             self._refuse(q)
         if not self.safety_filter.take(q, elapsed, qd):
             self._wish[:] = 0.0
@@ -759,7 +769,7 @@ class Stack:
         self._qd[:] = self._wish
         self.safety_filter.pass_on(self._qd)
         self._J.dot(self._qd, out=self._achieved)
-        return Step(self._command, scale, self._results)
+        return Step(self._shown, self.robot.n, scale, self._layout)
 
     def _keep_distances(self) -> None:
         """In a transition, brake beyond its bounds as far as set-based tasks need it.
@@ -800,7 +810,7 @@ class Stack:
         else:
             self.safety_filter.brake(self._qd)
         self._J.dot(self._qd, out=self._achieved)
-        return Step(self._command, 1.0, self._results)
+        return Step(self._shown, self.robot.n, 1.0, self._layout)
 
     def _fill(self) -> None:
         """Fill the rows of all tasks at the robot's present configuration."""

@@ -303,7 +303,8 @@ class Solver(ABC):
             self._set = self._recursion_inside_bounds(self.holds_joints)
         scale = self._set.resolve(J, velocity, bounds, qd, curvature, self.settles)
         if self._one_sided.size:
-            self.acting[self._one_sided] = self._set.acts[self._one_sided]
+            # Nothing but one-sided rows, and joints, can have stopped a level.
+            np.greater_equal(self._set.row_stops[: self.k], 0, out=self.acting)
         return scale
 
     def _recursion_inside_bounds(self, holds_joints: bool) -> BoundedRecursion:

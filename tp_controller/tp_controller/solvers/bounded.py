@@ -8,10 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tp_controller.prepared import Prepared
 from tp_controller.solvers.problem import Bounds, Curvature
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
+
+SETTLING, WANTED, LOW, STEP, QD = 4, 5, 13, 19, 23
+"""Places among the arguments of `kernel.resolve`; the other bounds follow ``low``."""
 
 
 class BoundedRecursion:
@@ -37,6 +41,8 @@ class BoundedRecursion:
     ----------
     stops
         First level that each joint's range (n,) stopped, -1 if none.
+    row_stops
+        Level counted from 1 that each one-sided row (K,) stopped first, -1 for all others.
     acts
         Which rows decided on the last answer (K,); all that are not one-sided.
     shares
@@ -76,6 +82,7 @@ class BoundedRecursion:
         self._always[n:] = ~sided[n:]
         self._shares = np.ones(len(starts))
         self._stops = np.full(n + rows, -1, dtype=np.int64)
+        self.row_stops = self._stops[n:]
         self._work = kernel.workspace(n + rows, n)
         self.shares = self._shares[1:]
         self._verdicts = self._work[kernel.VERDICTS][1 : len(starts)]
@@ -83,10 +90,38 @@ class BoundedRecursion:
         self.free, self.slowed = self._work[kernel.FREE][:n], self._work[kernel.SLOWED][:rows]
         self.settling: int = kernel.PLAIN
         self.scale = 1.0
-        self._before, self._still = np.zeros((2, n))
-        self._unlimited = self._limits = np.full(n, np.inf)
-        self._limited = np.zeros(n, dtype=np.bool_)
+        self._before, self._still, unused = np.zeros((3, n))
+        self._unlimited = np.full(n, np.inf)
+        self._limited: NDArray[np.bool_] | None = None
         self._flat = Curvature.none(n)
+        self._given: tuple[object, ...] = (None,) * 5
+        self._call = Prepared(
+            kernel.resolve,
+            self._rows[n:],
+            np.zeros(rows),
+            self._flat.rows,
+            self._flat.hessians,
+            self.settling,
+            kernel.BRIEF,
+            self._rows,
+            self._values,
+            self._flags,
+            self._starts,
+            self._rules,
+            self._metric,
+            self._tolerance,
+            unused,
+            unused,
+            unused,
+            unused,
+            self._still,
+            self._unlimited,
+            math.inf,
+            self._work,
+            self._shares,
+            self._stops,
+            unused,
+        )
 
     @property
     def stops(self) -> NDArray[np.int64]:
@@ -151,45 +186,59 @@ class BoundedRecursion:
         wanted: int,
         qd: Vector,
     ) -> int:
+        given = self._given
+        if not (
+            bounds is given[2]
+            and J is given[0]
+            and velocity is given[1]
+            and known is given[3]
+            and qd is given[4]
+        ):
+            self._take(J, velocity, bounds, known, qd)
+        if self._limited is not None and bounds.before is not None:
+            np.multiply(bounds.before, self._limited, out=self._before)
+        call = self._call
+        call.put(SETTLING, self.settling)
+        call.put(WANTED, wanted)
+        result: int = call.run()
+        return result
+
+    def _take(
+        self, J: Matrix, velocity: Vector, bounds: Bounds, known: Curvature, qd: Vector
+    ) -> None:
+        """Let the recursion read from these arrays, and write to them, from now on."""
+        self._given = J, velocity, bounds, known, qd
         low, high = bounds.range_lower, bounds.range_upper
         if self._holds_joints:
             low, high = bounds.soon_lower, bounds.soon_upper
         before, change, step = self._still, self._unlimited, math.inf
-        if bounds.onward and bounds.before is not None and self._holds_joints:
-            before = self._before
-            before[:] = bounds.before
-        if bounds.change is not None and bounds.before is not None:
-            change = bounds.change
-            if change is not self._limits:
-                self._limits, self._limited = change, np.isfinite(change)
-            if self._holds_joints and not bounds.onward:
-                # Joints without such a limit start from standstill.
-                before = np.multiply(bounds.before, self._limited, out=self._before)
-            if known is not self._flat:
-                step = bounds.step
-        return self._kernel.resolve(
-            J,
-            velocity,
-            known.rows,
-            known.hessians,
-            self.settling,
-            wanted,
-            self._rows,
-            self._values,
-            self._flags,
-            self._starts,
-            self._rules,
-            self._metric,
-            self._tolerance,
-            low,
-            high,
-            bounds.range_lower,
-            bounds.range_upper,
-            before,
-            change,
-            step,
-            self._work,
-            self._shares,
-            self._stops,
-            qd,
-        )
+        self._limited = None
+        if bounds.before is not None:
+            starts = bounds.onward
+            if bounds.change is not None:
+                change = bounds.change
+                limited = np.isfinite(change)
+                starts = starts or bool(limited.all())
+                if self._holds_joints and not starts:
+                    # Joints without such a limit start from standstill.
+                    before, self._limited = self._before, limited
+                if known is not self._flat:
+                    step = bounds.step
+            if self._holds_joints and starts:
+                before = bounds.before
+        arrays = {
+            0: J,
+            1: velocity,
+            2: known.rows,
+            3: known.hessians,
+            LOW: low,
+            LOW + 1: high,
+            LOW + 2: bounds.range_lower,
+            LOW + 3: bounds.range_upper,
+            LOW + 4: before,
+            LOW + 5: change,
+            QD: qd,
+        }
+        for i, array in arrays.items():
+            self._call.replace(i, array)
+        self._call.put(STEP, step)

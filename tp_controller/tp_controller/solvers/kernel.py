@@ -637,6 +637,7 @@ def _keeps(J, velocity, low, high, sided, end, qd):  # type: ignore[no-untyped-d
         COLUMN,
     ),
     cache=True,
+    prepared=True,
 )
 def resolve(  # type: ignore[no-untyped-def]
     J, velocity, known, hessians, settling, wanted, rows, values, flags, starts, rules, metric,

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tp_controller.prepared import Prepared
 from tp_controller.robot import Frame, Robot
 from tp_controller.tasks import base
 from tp_controller.tasks.parts import BASE, COLUMNS, REFERENCES, Part
@@ -40,8 +40,6 @@ class CompiledRows:
     ) -> None:
         from tp_controller.tasks import rows, second_derivatives
 
-        self._fill: Any = rows.fill
-        self._fill_hessians: Any = second_derivatives.fill
         self._tasks = [(task, first) for task, first in tasks if task.parts]
         parts = [(part, task, first) for task, first in self._tasks for part in task.parts]
         width = max([9, robot.n, *(len(part.places) for part, _, _ in parts)])
@@ -93,7 +91,8 @@ class CompiledRows:
             self._moves[place, by_index[index].chain()] = True
         S = np.zeros((0, 0)) if robot.coupling is None else robot.coupling.S
         S = np.ascontiguousarray(S, dtype=float)
-        self._arguments = (
+        self._fill = Prepared(
+            rows.fill,
             robot.q,
             robot.twists,
             robot.poses,
@@ -118,7 +117,8 @@ class CompiledRows:
         ordered = np.zeros((len(parts), m), dtype=np.int64)
         for line, chain in zip(ordered, chains, strict=True):
             line[: len(chain)] = chain
-        self._bent_arguments = (
+        self._fill_hessians = Prepared(
+            second_derivatives.fill,
             robot.twists,
             robot.poses,
             S,
@@ -134,6 +134,7 @@ class CompiledRows:
             np.zeros((4, 3, 3)),
             J,
             errors,
+            np.zeros((0, n, n)),
         )
 
     def fill(self) -> None:
@@ -141,14 +142,15 @@ class CompiledRows:
         for i, (task, first) in enumerate(self._tasks):
             if self._revisions[i] != task.revision:
                 self._load(i, task, first)
-        self._fill(*self._arguments)
+        self._fill.run()
 
     def fill_hessians(self, out: NDArray[np.float64]) -> None:
         """Fill the second derivatives (K, n, n) of all tasks, after `fill`, see `hessian`.
 
         Rows of other tasks and of joints stay as they are.
         """
-        self._fill_hessians(*self._bent_arguments, out)
+        self._fill_hessians.replace(-1, out)
+        self._fill_hessians.run()
 
     def _load(self, i: int, task: base.Task, first: int) -> None:
         """Take over a task's target, gain and feedforward."""

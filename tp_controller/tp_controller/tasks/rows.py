@@ -320,6 +320,7 @@ def _fill_part(poses, frames, jac, part, places, values, work, J, errors):  # ty
         COLUMN,
     ),
     cache=True,
+    prepared=True,
 )
 def fill(  # type: ignore[no-untyped-def]
     q, twists, poses, S, frames, moves, jac, plan, places, wraps, values, tasks, gains, work, J,

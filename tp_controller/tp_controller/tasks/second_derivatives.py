@@ -132,6 +132,7 @@ def _coupled(bent, S, out):  # type: ignore[no-untyped-def]
         CUBE,
     ),
     cache=True,
+    prepared=True,
 )
 def fill(  # type: ignore[no-untyped-def]
     twists, poses, S, joint_of, frames, moves, plan, places, chains, counts, twist, bent, work,
