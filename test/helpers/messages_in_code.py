@@ -16,6 +16,7 @@ PLACES = (
     'tp_sim/tp_sim/real_time.py',
 )
 SILENT = {'batch', 'measuring', 'identification', 'compiled', 'parameters', 'trajectory'}
+SILENT |= {'prepared_callers'}
 """Modules that print nothing and warn of nothing."""
 REFUSALS = {'InvalidValue', 'Parameter', 'check_times'}
 """Calls with texts of the one form "key: got …; accepts …", and descriptions of parameters."""
