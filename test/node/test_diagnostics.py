@@ -88,7 +88,7 @@ def test_a_running_controller_tells_of_refused_goals_and_of_joint_states_that_st
         wait_for(JOINT_STATES, DiagnosticStatus.OK, 'ok')
         wait_for(GOALS, DiagnosticStatus.OK, 'ok')
         lines = loop.controller.output.splitlines()
-    assert sum('goal rejected' in line for line in lines) == 1
+    assert any('goal rejected' in line for line in lines)
     # A busy machine may hold joint states up for longer than that, too.
     stops = sum('no joint state for 0.1 s' in line for line in lines)
     assert 1 <= stops < sum(line.endswith(': running') for line in lines)
