@@ -23,6 +23,9 @@ INTRODUCTION = """\
 `make figures` draws all pictures of this page and writes it. Each experiment is computed by the
 library in closed loop with an ideal arm; [experiments.md](experiments.md) runs the same files as
 nodes, and [recordings.md](recordings.md) draws what those do.
+
+Where an arm is drawn, black is the arm at the end and grey the arm before. The orange line is the
+path of its end, and a cross is a target.
 """
 
 

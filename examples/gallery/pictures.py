@@ -35,16 +35,18 @@ def arm_and_errors(title, *made):
 def errors(axes, made, names=None):
     """Error norms of tasks with a target over time."""
     tasks = [task for task in made.run.tasks if not task.distance.size and task.place >= 0]
+    units = {}
     for i, task in enumerate(tasks):
         if names is None or task.name in names:
-            units = unit(task.type, made.stack.robot)
+            units[task.name] = unit(task.type, made.stack.robot)
             axes.plot(
                 made.run.time, task.error_norm, color=color(i), linestyle=dash(i),
-                label=f'{task.name} [{units}]',
+                label=f'{task.name} [{units[task.name]}]',
             )  # fmt: skip
-    axes.set(xlabel='time [s]', ylabel='error norm [m, rad]', ylim=(0.0, None))
+    all_units = ', '.join(dict.fromkeys(units.values()))
+    axes.set(xlabel='time [s]', ylabel=f'error norm [{all_units}]', ylim=(0.0, None))
     axes.set_xlim(made.run.time[0], made.run.time[-1])
-    axes.legend(loc='upper right')
+    axes.legend(loc='lower right', bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.2)
 
 
 def a1():
@@ -147,7 +149,7 @@ def b2():
     below.set(xlabel='time [s]', ylabel='joint 1 [rad]')
     least = float(np.min(task.distance))
     figure.suptitle(
-        f'B2: joint 1 in its range, never nearer than {least:.2g} rad; grey: the task acts'
+        f'B2: joint 1, at least {least:.2g} rad from the ends of its range; grey: the task acts'
     )
     return figure
 
@@ -166,6 +168,7 @@ def c1():
                 panel.plot(
                     made.run.time, np.maximum(made.error(task), 1e-9), color=color(i),
                     linestyle=dash(j), label=f'{scheme}: {task} [{"rad" if j else "m"}]',
+                    linewidth=4.0 - 2.6 * i,
                 )  # fmt: skip
         panel.set(
             title=f'tip to ({target[0]}, {target[1]})', xlabel='time [s]', yscale='log',
@@ -221,7 +224,7 @@ def c3():
             label=f'{name}: {way[-1]:.2g} rad from {since} after ten rounds',
         )  # fmt: skip
     axes.set(
-        xlabel='rounds [-]', ylabel='way of the joints [rad]', yscale='log', ylim=(1e-9, 1.0),
+        xlabel='rounds [-]', ylabel='way of the joints [rad]', yscale='log', ylim=(1e-10, 1.0),
         xticks=range(1, 11),
     )  # fmt: skip
     figure.legend(loc='outside lower center')
@@ -244,12 +247,13 @@ def d():
                 panel.plot(
                     made.run.time[::20], np.maximum(made.error('hand')[::20], 1e-9),
                     color=color(i), linestyle=dash(j), label=f'η = {gain:g}, {name}',
+                    linewidth=1.4 if j else 4.0, alpha=1.0 if j else 0.4,
                 )  # fmt: skip
         panel.set(title=arm.upper(), xlabel='time [s]', yscale='log', ylim=(1e-8, 1.0))
     panels[0].set_ylabel('error norm [m, rad]')
     handles = panels[0].get_legend_handles_labels()
     figure.legend(*handles, loc='outside lower center', ncols=3)
-    figure.suptitle('D: decay of the error; the RR arm cannot reach three targets with two joints')
+    figure.suptitle('D: decay of the error; two joints (RR) cannot reach a pose of three rows')
     return figure
 
 

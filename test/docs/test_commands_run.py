@@ -15,6 +15,7 @@ from types import SimpleNamespace
 import launch_stand_in
 import pytest
 from geometry_msgs.msg import PointStamped
+from made_recording import make_recording
 from rclpy.qos import ReliabilityPolicy
 from shown_calls import Ros2, filled, quality
 from shown_commands import commands
@@ -218,7 +219,14 @@ def test_every_page_with_such_commands_is_in_a_group(repository):
         assert not live or name in names, f'{name}: {live}'
 
 
-def test_programs_that_need_no_nodes_do_what_they_are_said_to(repository, folder):
+@pytest.fixture(scope='module')
+def folder_with_recording(repository, tmp_path_factory):
+    folder = workplace(repository, tmp_path_factory.mktemp('programs'))
+    make_recording(folder / 'run.mcap', 'a4_position_joint', 2.0)
+    return folder
+
+
+def test_programs_that_need_no_nodes_do_what_they_are_said_to(repository, folder_with_recording):
     seen, failed = set(), []
     for name, text in all_pages(repository):
         for command in commands(text):
@@ -226,7 +234,7 @@ def test_programs_that_need_no_nodes_do_what_they_are_said_to(repository, folder
                 continue
             seen.add(command)
             try:
-                assert run(command, dict(os.environ), folder).strip()
+                assert run(command, dict(os.environ), folder_with_recording).strip()
             except Exception as error:
                 failed.append(f'{name}: {command}\n    {error}')
     assert not failed, '\n'.join(failed)

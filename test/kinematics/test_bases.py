@@ -279,12 +279,6 @@ def test_a_base_that_jumps_is_braked():
         stack.step(q, DT)
 
 
-def test_the_example_of_the_page_runs(repository):
-    page = (repository / 'docs' / 'spaces.md').read_text(encoding='utf-8')
-    (example,) = re.findall(r'```python\n(.*?)```', page, flags=re.DOTALL)
-    exec(compile(example, 'spaces.md', 'exec'), {})
-
-
 def test_the_tables_of_the_page_name_the_coordinates_and_velocities(repository):
     page = (repository / 'docs' / 'spaces.md').read_text(encoding='utf-8')
     for kind in BASES:

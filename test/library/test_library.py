@@ -46,14 +46,6 @@ def test_the_example_of_the_readme_has_at_most_15_lines_and_reaches_its_targets(
     assert max(map(abs, errors)) < 2e-3
 
 
-def test_the_examples_of_its_page_run_one_after_the_other(repository):
-    page = (repository / 'docs' / 'library.md').read_text(encoding='utf-8')
-    found = {}
-    for example in re.findall(r'```python\n(.*?)```', page, flags=re.DOTALL):
-        exec(compile(example, 'library.md', 'exec'), found)
-    assert found['stack'].hierarchy == ('tip', 'ends')
-
-
 @given(states(3))
 @examples(30)
 def test_a_stack_made_of_objects_is_the_one_made_of_parameters(q):

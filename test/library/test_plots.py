@@ -149,7 +149,10 @@ def test_pictures_come_in_every_format(recording, drawn, tmp_path):
 def test_an_animation_shows_the_run_and_needs_ffmpeg_for_mp4(recording, tmp_path, monkeypatch):
     run, stack = run_and_stack(recording)
     draw_animation(run, stack, tmp_path / 'arm.gif', seconds=0.3)
-    assert Image.open(tmp_path / 'arm.gif').n_frames == 4
+    picture = Image.open(tmp_path / 'arm.gif')
+    assert picture.n_frames == 3
+    assert picture.info['duration'] == 100
+    assert picture.convert('RGB').getpixel((0, 0)) == (255, 255, 255)
     monkeypatch.setattr('shutil.which', lambda _: None)
     with pytest.raises(InvalidValue, match=r'no ffmpeg on this machine; accepts a \.gif'):
         check_animation(tmp_path / 'arm.mp4')

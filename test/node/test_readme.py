@@ -1,4 +1,4 @@
-"""The examples of README.md that start nodes; test/docs has the rest of the pages."""
+"""The parameter file of README.md starts nodes; test/docs runs what else the pages show."""
 
 import re
 
@@ -25,9 +25,3 @@ def test_the_example_of_an_own_robot_runs_and_reaches_its_targets(readme, tmp_pa
         record = loop.record
     assert record.error_norm['ee_position'][-1] < 1e-3
     assert record.error_norm['link2_angle'][-1] < 1e-3
-
-
-def test_the_example_of_the_harness_runs(repository, readme, monkeypatch):
-    (example,) = [text for text in blocks(readme, 'python') if 'tp_sim' in text]
-    monkeypatch.chdir(repository)
-    exec(compile(example, 'README.md', 'exec'), {})

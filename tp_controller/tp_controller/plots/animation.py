@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
@@ -18,14 +19,28 @@ from tp_controller.plots.style import styled
 from tp_controller.recording import Run
 from tp_controller.stack import Stack
 
-RATE = 15
-"""Pictures per second."""
+RATE = 10
+"""Pictures per second; a GIF counts hundredths of a second."""
+COLORS = 64
+"""Of a GIF, so that its file is small."""
 MOST = 300
 """Pictures of an animation; one of a longer run goes faster."""
 RESOLUTION = 90
 SIDE = 4.6
 """[in]."""
 SUFFIXES = ('.gif', '.mp4')
+
+
+class _GifWriter(PillowWriter):
+    """Writes all pictures with the colours of the last one, which has the whole path."""
+
+    _frames: list[Any]
+
+    def finish(self) -> None:
+        # Maximum coverage, which keeps white.
+        palette = self._frames[-1].quantize(COLORS, method=1)
+        self._frames = [one.quantize(palette=palette, dither=0) for one in self._frames]
+        super().finish()
 
 
 def check_animation(path: Path) -> None:
@@ -67,7 +82,7 @@ def draw_animation(run: Run, stack: Stack, path: Path, seconds: float | None = N
     moments = np.linspace(0.0, float(run.time[-1]), count)
     cycles = [int(np.searchsorted(run.time, moment, 'right')) - 1 for moment in moments]
     # Of a run that is longer than pictures are drawn of, time passes quicker.
-    kind: type[AbstractMovieWriter] = PillowWriter if path.suffix == '.gif' else FFMpegWriter
+    kind: type[AbstractMovieWriter] = _GifWriter if path.suffix == '.gif' else FFMpegWriter
     writer = kind(fps=RATE)
     try:
         with styled():

@@ -43,7 +43,9 @@ def errors(run: Run, robot: Robot) -> Figure:
             _mark_goals(panel, run, tasks)
         end_time(figure, run.time)
         some = any(task.distance.size for task in run.tasks)
-        figure.suptitle('Tasks by level' + (', grey: a set-based task acts' if some else ''))
+        dotted = '; dotted: a new goal' if goal_times(run) else ''
+        grey = '; grey: a set-based task acts' if some else ''
+        figure.suptitle(f'Tasks by level{dotted}{grey}')
         return figure
 
 
