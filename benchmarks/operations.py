@@ -1,13 +1,17 @@
 """Whether limits and distances are kept while an operator works with a moving arm, in real time.
 
+It also tells how old the joint states were when commands answered them, while and after each kind
+of operation.
+
 The arm has delay, lag and noise, which the controller knows, and busy loops run beside it. Twice a
-second something happens at random: a goal, a goal by ``~/reach``, a path, a hold, a task switched
-off and on, another order of the hierarchy, a deactivation. The joints' true motion is judged. The
-exit status is 1 if a limit of speed was broken, a command changed by more than the limit of
-acceleration allows, or a distance was not positive.
+second something happens at random: a goal, a goal by ``~/reach``, a path, a path of a thousand
+poses, a hold, a task switched off and on, another order of the hierarchy, a deactivation. The
+joints' true motion is judged. The exit status is 1 if a limit of speed was broken, a command
+changed by more than the limit of acceleration allows, or a distance was not positive.
 
     python benchmarks/operations.py --seconds 60 --busy 4
     python benchmarks/operations.py --type joint_state_position
+    python benchmarks/operations.py --only long_path
 """
 
 from __future__ import annotations
@@ -17,6 +21,7 @@ import random
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,11 +37,13 @@ from std_srvs.srv import SetBool
 from trajectory_msgs.msg import MultiDOFJointTrajectory, MultiDOFJointTrajectoryPoint
 
 from tp_controller import Stack, build_settings
+from tp_interfaces.msg import ControllerState
 from tp_sim.harness import ClosedLoop, GoalRejected
 from tp_sim.harness.document import edited, read_document
 
 CONFIG = Path(__file__).resolve().parent.parent / 'config' / 'panda_table.yaml'
 TASK = 'hand_position'
+KINDS = ('goal', 'reach', 'path', 'long_path', 'hold', 'switch', 'order', 'deactivate')
 GOALS = (
     (0.45, 0.25, 0.1),
     (0.5, 0.3, 0.35),
@@ -54,6 +61,10 @@ DELAY, LAG, NOISE = 2, 0.02, 5e-4
 """Of the arm: periods, [s], [rad]."""
 WAY = 0.3
 """Time [s] between the points of a path."""
+MANY = 1000
+"""Points of a long path,"""
+STEP = 0.005
+"""and time [s] between them."""
 PAUSE = 0.5
 """Time [s] after each operation."""
 ROUNDING = 1.01
@@ -63,14 +74,22 @@ ROUNDING = 1.01
 class Operator:
     """Does at random what an operator may do."""
 
-    def __init__(self, loop: ClosedLoop, seed: int) -> None:
-        self._loop, self._random = loop, random.Random(seed)
+    def __init__(self, loop: ClosedLoop, kinds: Sequence[str], seed: int) -> None:
+        self._loop, self._kinds, self._random = loop, kinds, random.Random(seed)
+        self._long = [self._points(MANY, STEP, self._place(), self._place()) for _ in range(4)]
         self.done: Counter[str] = Counter()
+        self.ages: dict[str, list[float]] = {}
+        """Age [s] of the joint state that each command answered, by the operation of its time."""
+        self._kind = 'nothing'
+        loop.client.on_state.append(self._note)
+
+    def _note(self, state: ControllerState) -> None:
+        if state.status == ControllerState.RUNNING:
+            self.ages.setdefault(self._kind, []).append(state.command_age)
 
     def act(self) -> None:
         """Do one thing."""
-        kinds = ('goal', 'reach', 'path', 'hold', 'switch', 'order', 'deactivate')
-        kind = self._random.choice(kinds)
+        kind = self._kind = self._random.choice(self._kinds)
         self.done[kind] += 1
         try:
             getattr(self, f'_{kind}')()
@@ -85,16 +104,31 @@ class Operator:
         self._loop.client.start_reach({TASK: self._place()}, time_limit=5.0)
 
     def _path(self) -> None:
+        message = self._points(3, WAY, self._place(), self._place())
+        self._loop.client.publish(f'tp_controller/{TASK}/trajectory', message)
+
+    def _long_path(self) -> None:
+        message = self._random.choice(self._long)
+        self._loop.client.publish(f'tp_controller/{TASK}/trajectory', message)
+
+    def _points(
+        self, count: int, step: float, begin: list[float], end: list[float]
+    ) -> MultiDOFJointTrajectory:
+        """Path on a straight line with so much time [s] from point to point."""
         message = MultiDOFJointTrajectory()
-        for number in range(1, 4):
-            time = Duration(nanosec=round(1e9 * WAY * number))
+        for number in range(1, count + 1):
+            share = (number - 1) / max(count - 1, 1)
             transform = Transform()
             place = transform.translation
-            place.x, place.y, place.z = self._place()
+            place.x, place.y, place.z = (
+                (1.0 - share) * a + share * b for a, b in zip(begin, end, strict=True)
+            )
             transform.rotation.w = 1.0
-            point = MultiDOFJointTrajectoryPoint(transforms=[transform], time_from_start=time)
+            point = MultiDOFJointTrajectoryPoint(transforms=[transform])
+            seconds, rest = divmod(round(1e9 * step * number), 10**9)
+            point.time_from_start = Duration(sec=seconds, nanosec=rest)
             message.points.append(point)
-        self._loop.client.publish(f'tp_controller/{TASK}/trajectory', message)
+        return message
 
     def _hold(self) -> None:
         for hold in (True, False):
@@ -142,7 +176,9 @@ class Record:
         return float((np.abs(np.diff(self.values, axis=0)) / times[:, None] / limit).max())
 
 
-def run(config: Path, seconds: float, ideal: bool, kind: str, seed: int) -> bool:
+def run(
+    config: Path, seconds: float, ideal: bool, kind: str, kinds: Sequence[str], seed: int
+) -> bool:
     """Operate, judge and print; return whether everything was kept."""
     document = read_document(config)
     period = 1.0 / float(document['/**']['rate'])
@@ -155,7 +191,7 @@ def run(config: Path, seconds: float, ideal: bool, kind: str, seed: int) -> bool
     with ClosedLoop(edited(document, changes), lockstep=False) as loop:
         true = loop.client.collect(JointState, 'tp_sim/true_joint_states')
         sent = loop.client.collect(JointState, topic)
-        operator = Operator(loop, seed)
+        operator = Operator(loop, kinds, seed)
         begin = loop.client.node.get_clock().now()
         while (loop.client.node.get_clock().now() - begin).nanoseconds < 1e9 * seconds:
             operator.act()
@@ -180,11 +216,23 @@ def run(config: Path, seconds: float, ideal: bool, kind: str, seed: int) -> bool
         table.add_row(name, f'{value:.4g}', 'yes' if kept else '[red]no[/]')
     console = Console(width=100)
     console.print(table)
-    console.print(', '.join(f'{count} {what}' for what, count in sorted(operator.done.items())))
+    console.print(ages_table(operator))
     if 'Traceback' in output:
         print(output, file=sys.stderr)
         return False
     return all(kept for _, _, kept in rows)
+
+
+def ages_table(operator: Operator) -> Table:
+    """How old joint states were when they were answered, by operation."""
+    table = Table(title='age of the joint state that a command answered [ms]')
+    for column in ('operation', 'times', 'refused', 'commands', 'median', '99.9 %', 'largest'):
+        table.add_column(column, justify='left' if column == 'operation' else 'right')
+    for kind, ages in sorted(operator.ages.items()):
+        values = 1e3 * np.quantile(ages, [0.5, 0.999, 1.0])
+        done = (operator.done[kind], operator.done[f'{kind} refused'], len(ages))
+        table.add_row(kind, *map(str, done), *(f'{value:.2f}' for value in values))
+    return table
 
 
 def least_distances(stack: Stack, record: Record) -> dict[str, float]:
@@ -208,12 +256,14 @@ def main() -> int:
     parser.add_argument(
         '--type', choices=('joint_state', 'joint_state_position'), default='joint_state'
     )
+    parser.add_argument('--only', choices=KINDS, help='one kind of operation')
     parser.add_argument('--seed', type=int, default=0)
     chosen = parser.parse_args()
     loop = [sys.executable, '-c', 'while True: pass']
     busy = [subprocess.Popen(loop) for _ in range(chosen.busy)]
     try:
-        kept = run(chosen.config, chosen.seconds, chosen.ideal, chosen.type, chosen.seed)
+        kinds = [chosen.only] if chosen.only else KINDS
+        kept = run(chosen.config, chosen.seconds, chosen.ideal, chosen.type, kinds, chosen.seed)
     finally:
         for process in busy:
             process.kill()

@@ -24,6 +24,17 @@ def rotation_from_quaternion(quaternion: Vector) -> Matrix:
     return R
 
 
+def rotations_from_quaternions(quaternions: Matrix) -> Matrix:
+    """Rotation matrices (m, 3, 3) of quaternions (m, 4), see `rotation_from_quaternion`."""
+    x, y, z, w = quaternions.T / np.linalg.norm(quaternions, axis=1)
+    rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    return np.array(rows).transpose(2, 0, 1)
+
+
 def quaternion_from_rotation(R: Matrix) -> Vector:
     """Unit quaternion x, y, z, w (4,) of a rotation matrix, with w >= 0."""
     quaternion: Vector = pin.Quaternion(np.asarray(R)).coeffs().copy()

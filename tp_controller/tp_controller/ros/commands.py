@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rclpy.duration import Duration
+from rclpy.event_handler import PublisherEventCallbacks, UnsupportedEventTypeError
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -56,6 +58,8 @@ class CommandPublisher:
         Whether it is not known yet who reads the commands.
     moving
         Whether the arm is known to move: it is then braked though its readers are not known yet.
+    notices
+        Whether readers that come or go are noticed, even if their number is the same again.
     """
 
     def __init__(
@@ -77,13 +81,26 @@ class CommandPublisher:
         self.velocity = np.zeros(robot.n)
         self.rest = 'zero command' if reference is None else 'last position'
         self._blocked = self.waiting = self.moving = False
-        self._publisher = node.create_publisher(
-            type(msg), command_topic(command_type), QUEUE_DEPTH
-        )
+        self._changes = 0
+        self.notices = not self._stamped
+        self._publisher = self._publish_on(type(msg), command_topic(command_type))
         self._values = field_view(msg, field, robot.n)
         self._stamp = msg.header.stamp if self._stamped else None
         self._message = Serialized(msg)
         self._bytes = b''
+
+    def _publish_on(self, message: type, topic: str) -> Any:
+        if self.notices:
+            events = PublisherEventCallbacks(matched=self._on_matched)
+            with contextlib.suppress(UnsupportedEventTypeError):
+                return self._node.create_publisher(
+                    message, topic, QUEUE_DEPTH, event_callbacks=events
+                )
+            self.notices = False
+        return self._node.create_publisher(message, topic, QUEUE_DEPTH)
+
+    def _on_matched(self, _: Any) -> None:
+        self._changes += 1
 
     @property
     def topic(self) -> str:
@@ -99,6 +116,11 @@ class CommandPublisher:
     def heard(self) -> bool:
         """Whether anybody listens."""
         return bool(self._publisher.get_subscription_count())
+
+    @property
+    def readers(self) -> tuple[int, int]:
+        """How often readers were seen to come or go, and how many there are."""
+        return self._changes, self._publisher.get_subscription_count()
 
     def send(self, command: NDArray[np.float64] | float, stamp: Time | None = None) -> None:
         """Publish a command (n,).

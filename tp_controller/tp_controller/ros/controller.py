@@ -71,6 +71,8 @@ EARLIEST = 0.9
 """Least time [periods] between two commands of braking."""
 TRANSITION = 'transition to a changed stack'
 """Told in the state while one is under way."""
+RECEIVERS = 'receivers'
+"""What warnings about readers of the commands are about."""
 IN_A_ROW = 3
 """So many joint states are answered before other work, if they wait already."""
 
@@ -145,11 +147,11 @@ class ControllerNode(ManagedNode):
             reference,
         )
         self._neighbours = Neighbours(self, commands.topic, intake.topic, self._warnings)
+        self._receivers: Receivers | None = None
         if not is_stamped(values['command.type']):
             interface = 'position' if self._positions else 'velocity'
-            receivers = Receivers(
-                self, commands.topic, robot.joints, interface, self._warnings, commands.block
-            )
+            receivers = Receivers(self, commands, robot.joints, interface, self._tell_of_receivers)
+            self._receivers = receivers
             self._make_timer(RECEIVER_PERIOD, receivers.look)
         self._markers = Markers(robot, self._state.msg, self._stack.tasks.values())
         self._marker_publisher = self.create_publisher(MarkerArray, '~/markers', 10)
@@ -259,6 +261,8 @@ class ControllerNode(ManagedNode):
         self._later = None
         if self._reach is not None:
             self._reach.close()
+        if self._receivers is not None:
+            self._receivers.close()
 
     def _refuse_at_rest(self, key: str) -> None:
         refuse_at_rest(key, self._stack.held, self.active)
@@ -301,6 +305,11 @@ class ControllerNode(ManagedNode):
 
     def _make_timer(self, period: float, callback: Callable[[], None]) -> Timer:
         return self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def _tell_of_receivers(self, problem: str) -> None:
+        self._warnings.clear(RECEIVERS)
+        if problem:
+            self._warnings.warn(RECEIVERS, problem, lasting=True)
 
     def _warn_of_feedforwards(self, when: str) -> None:
         for name, task in self._stack.tasks.items():

@@ -463,6 +463,8 @@ class Cycle:
         cause = f'no {"usable " if refused else ""}joint state for {self._limit:g} s'
         if self._awake_since > self._last_seen:
             cause = f'the process was not scheduled for {self._paused:.3g} s'
+        elif self._commands.withheld:
+            cause = 'commands are withheld'
         self._warnings.warn('stale', f'{cause}: braking to rest', lasting=True)
         return True
 

@@ -38,10 +38,12 @@ from tp_controller.measuring import (
 from tp_controller.position_reference import PositionReference
 from tp_controller.robot import Robot
 from tp_controller.ros.arguments import one_line
-from tp_controller.ros.commands import CommandPublisher, command_topic
+from tp_controller.ros.commands import CommandPublisher, command_topic, is_stamped
 from tp_controller.ros.joint_states import JointStateReader
 from tp_controller.ros.neighbours import publishers
 from tp_controller.ros.parent import end_with_ros2
+from tp_controller.ros.receivers import PERIOD as RECEIVER_PERIOD
+from tp_controller.ros.receivers import Receivers
 from tp_controller.ros.run import SIGNALS
 from tp_controller.stack import Stack
 
@@ -141,6 +143,10 @@ def _fail(message: str, status: int) -> int:
     return status
 
 
+def _ignore(_: str) -> None:
+    """Stand in for what is told."""
+
+
 class _Measurement:
     """Commands, and the states that they answer.
 
@@ -169,6 +175,7 @@ class _Measurement:
         self._q, self._start = np.zeros((2, robot.n))
         self._velocity = np.zeros(robot.n)
         self._commands: CommandPublisher | None = None
+        self._receivers: Receivers | None = None
         self._queue: list[Vector] = []
         self._record: list[tuple[float, Vector, Vector]] = []
         self._last_time, self._arrived = -math.inf, -math.inf
@@ -195,12 +202,16 @@ class _Measurement:
         robot, n = self._robot, self._robot.n
         self._look_for_others()
         rest = self._rest()
+        reference = self._begin_commands()
+        self._ask_readers()
         ways = directions(robot.joints, self._q, robot.limits, self._amplitude)
         if not confirmed:
             self._ask(ways)
+            self._look_again(rest)
         self._handle_signals()
-        self._commands = self._publisher()
         self._start[:] = self._q
+        if reference is not None:
+            reference.answer(self._q, None)
         fits = []
         try:
             for i in range(n):
@@ -210,14 +221,56 @@ class _Measurement:
             self._brake()
         return self._report(fits, 0.5 * np.ptp(rest, axis=0))
 
-    def _publisher(self) -> CommandPublisher:
-        """Publisher of commands; positions begin where the arm is."""
+    def _begin_commands(self) -> PositionReference | None:
+        """Make the publisher of commands; return what makes positions of them, if they are."""
         robot, reference = self._robot, None
         if self._command_type in POSITION_TYPES:
             stack = Stack(robot, [], rate=1.0 / self._period)
             reference = PositionReference(stack, self._tolerance)
-            reference.answer(self._q, None)
-        return CommandPublisher(self._node, robot, self._command_type, reference)
+        self._commands = CommandPublisher(self._node, robot, self._command_type, reference)
+        return reference
+
+    def _ask_readers(self) -> None:
+        """Wait until the readers of commands without names have told what they take.
+
+        Raises
+        ------
+        Refused
+            If it is not what is sent.
+        """
+        if is_stamped(self._command_type):
+            return
+        assert self._commands is not None
+        interface = 'position' if self._command_type in POSITION_TYPES else 'velocity'
+        if self._receivers is not None:
+            self._receivers.close()
+        joints = self._robot.joints
+        self._receivers = Receivers(self._node, self._commands, joints, interface, _ignore)
+        while self._commands.withheld and not self._receivers.problem:
+            end = time.monotonic() + RECEIVER_PERIOD
+            while time.monotonic() < end:
+                rclpy.spin_once(self._node, timeout_sec=RECEIVER_PERIOD)
+            self._receivers.look()
+        if self._receivers.problem:
+            raise Refused(self._receivers.problem)
+
+    def _look_again(self, rest: Vector) -> None:
+        """See that all is as before: the confirmation may have taken long.
+
+        Raises
+        ------
+        Refused
+            If the arm is somewhere else, or others read the commands.
+        """
+        begin, count = time.monotonic(), len(self._record)
+        # The first one may have waited since then.
+        while len(self._record) < count + 2:
+            self._spin(begin)
+        moved = np.abs(self._q - rest.mean(axis=0))
+        if moved.max() > STILL:
+            raise self._moved(moved)
+        if self._receivers is not None:
+            self._ask_readers()
 
     def _look_for_others(self) -> None:
         topic = self._node.resolve_topic_name(command_topic(self._command_type))
@@ -241,11 +294,7 @@ class _Measurement:
         self._record.clear()
         begin = time.monotonic()
         while time.monotonic() < begin + REST or len(self._record) < LEAST_STATES:
-            rclpy.spin_once(self._node, timeout_sec=0.05)
-            if time.monotonic() > max(begin, self._arrived) + 5.0:
-                why = f' ({self._ignored})' if self._ignored else ''
-                topic = self._subscription.topic_name
-                raise TimeoutError(f'no joint states on {topic} for 5 s{why}')
+            self._spin(begin)
         times = np.array([entry[0] for entry in self._record])
         seen = float(np.median(np.diff(times)))
         if self._period == 0.0:
@@ -257,9 +306,26 @@ class _Measurement:
         positions = np.array([entry[1] for entry in self._record])
         moved = np.ptp(positions, axis=0)
         if moved.max() > STILL:
-            i = int(np.argmax(moved))
-            raise Refused(f'{self._robot.joints[i]} moved by {moved[i]:.3g}: the arm has to rest')
+            raise self._moved(moved)
         return positions
+
+    def _spin(self, begin: float) -> None:
+        """Wait for a joint state; they are waited for since a steady time [s].
+
+        Raises
+        ------
+        TimeoutError
+            If none comes for 5 s.
+        """
+        rclpy.spin_once(self._node, timeout_sec=0.05)
+        if time.monotonic() > max(begin, self._arrived) + 5.0:
+            why = f' ({self._ignored})' if self._ignored else ''
+            topic = self._subscription.topic_name
+            raise TimeoutError(f'no joint states on {topic} for 5 s{why}')
+
+    def _moved(self, moved: Vector) -> Refused:
+        i = int(np.argmax(moved))
+        return Refused(f'{self._robot.joints[i]} moved by {moved[i]:.3g}: the arm has to rest')
 
     def _ask(self, ways: Vector) -> None:
         if not sys.stdin.isatty():
@@ -316,19 +382,33 @@ class _Measurement:
         Ended
             If the measurement has to end.
         """
-        looked = time.monotonic()
+        looked = asked = time.monotonic()
         topic = self._node.resolve_topic_name(command_topic(self._command_type))
         while condition():
             rclpy.spin_once(self._node, timeout_sec=0.02)
             now = time.monotonic()
             if now - self._arrived > self._limit:
                 self._problem = self._problem or f'no joint state for {self._limit:g} s'
+            if self._receivers is not None and now - asked > RECEIVER_PERIOD:
+                asked = now
+                self._receivers.look()
+                self._end_if_withheld()
             if now - looked > 0.5:
                 looked = now
                 if names := self._others(topic):
                     self._problem = self._problem or f'{names} publishes commands, too'
             if self._problem:
-                raise Ended(f'ended by {self._problem}; the arm was braked to rest')
+                assert self._commands is not None
+                rest = '' if self._commands.withheld else '; the arm was braked to rest'
+                raise Ended(f'ended by {self._problem}{rest}')
+
+    def _end_if_withheld(self) -> None:
+        """End if the readers of commands take them for something else, or are gone."""
+        assert self._commands is not None
+        assert self._receivers is not None
+        if self._commands.withheld:
+            gone = f'{self._commands.topic}, which nobody reads any more'
+            self._problem = self._problem or self._receivers.problem or gone
 
     def _on_state(self, msg: JointState) -> None:
         """Answer a state with the next command, if there is one."""

@@ -55,7 +55,7 @@ class Answer(NamedTuple):
 class _Middleware:
     """Stands in for a node: what is published goes nowhere."""
 
-    def create_publisher(self, *_: Any) -> Any:
+    def create_publisher(self, *_: Any, **__: Any) -> Any:
         return SimpleNamespace(
             publish=_ignore,
             topic_name='',

@@ -21,6 +21,7 @@ from tp_controller.ros.polled import subscribe, taker
 from tp_controller.ros.release import Release
 from tp_controller.ros.state import StateMessage
 from tp_controller.ros.trajectories import Trajectories
+from tp_controller.ros.trajectory_bytes import FIELDS, trajectory_message
 from tp_controller.ros.warnings import Warnings
 from tp_controller.tasks import Task
 
@@ -161,7 +162,8 @@ class TaskInputs:
 
     def _subscribe(self, message: type | None, task: Task, what: str) -> Iterator[None]:
         if message is not None:
-            subscription = subscribe(self._node, message, f'~/{task.name}/{what}', 1)
+            raw = what == TRAJECTORY and message in FIELDS
+            subscription = subscribe(self._node, message, f'~/{task.name}/{what}', 1, raw)
             self._topics.append(_Topic(subscription, task, what))
             yield
 
@@ -245,6 +247,9 @@ class TaskInputs:
         self._state.refresh_target(task.name, self._reader.robot_seen)
 
     def _on_trajectory(self, task: Task, msg: Any) -> None:
+        codec = codec_of(task)
+        if codec is not None and codec.trajectory_message is not None:
+            msg = trajectory_message(msg, codec.trajectory_message)
         self.trajectories.begin(task, msg, self._reader)
         self.feedforwards.end(task)
         self._state.task(task.name).accepted_goals += 1

@@ -7,13 +7,12 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from builtin_interfaces.msg import Duration
-from geometry_msgs.msg import Quaternion, Twist
 from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.robot import Frame
-from tp_controller.rotations import rotation_from_quaternion
+from tp_controller.ros.trajectory_bytes import PointValues, trajectory_message
+from tp_controller.rotations import rotations_from_quaternions
 from tp_controller.tasks import FrameTask, JointTask, PositionTask
 from tp_controller.tasks.base import LARGEST
 from tp_controller.trajectory import (
@@ -29,8 +28,8 @@ from tp_controller.trajectory import (
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
-MOST = 1000
-"""Points of one trajectory: more would hold up the cycle."""
+POSE = 7
+"""Numbers of a transform: a place and a quaternion."""
 
 
 class Begin(NamedTuple):
@@ -56,16 +55,17 @@ def joint_path(task: JointTask, msg: Any, begin: Begin) -> TaskPath:
     InvalidValue
         If the message cannot be used.
     """
-    names, points = msg.joint_names, msg.points
+    points, names = _points(msg), msg.joint_names
     # Checks the names.
     task.with_joints(np.zeros(task.k), names, [0.0] * len(names))
     columns = [task.components.index(name) for name in names]
-    times = _times(points)
-    if any(len(point.effort) for point in points):
+    times = points.times
+    check_times(times)
+    if points.sizes['effort'] or (points.unlike and points.unlike[1]['effort']):
         raise InvalidValue('points.effort', 'values', 'none: velocities are commanded')
     words = f'{len(names)}, one for each of joint_names'
     given = {
-        key: _numbers(key, [getattr(point, key) for point in points], len(names), words)
+        key: _numbers(points, key, len(names), words)
         for key in ('positions', 'velocities', 'accelerations')
     }
     if given['positions'] is None:
@@ -74,7 +74,7 @@ def joint_path(task: JointTask, msg: Any, begin: Begin) -> TaskPath:
     if isinstance(begin.path, JointPath):
         value, rate = begin.path.path.at(begin.at)
         rate = begin.speed * rate
-    positions = np.tile(value, (len(points), 1))
+    positions = np.tile(value, (len(times), 1))
     positions[:, columns] = given['positions']
     for row in task.wrapping:
         # The first point by the shortest way, the others as far from it as they were given.
@@ -111,26 +111,19 @@ def frame_path(task: FrameTask, msg: Any, source: Frame, begin: Begin) -> TaskPa
     InvalidValue
         If the message cannot be used.
     """
-    points = msg.points
+    points = _points(msg)
     known = (task.frame_name, task.name)
     if len(msg.joint_names) > 1 or not set(msg.joint_names) <= set(known):
         accepts = f'none, or one of {listed(known)}'
         raise InvalidValue('joint_names', shown(list(msg.joint_names)), accepts)
-    times = _times(points)
-    for point in points:
-        if len(point.transforms) != 1:
-            got = plural(len(point.transforms), 'value')
-            raise InvalidValue('points.transforms', got, '1 for each point')
-    transforms = [point.transforms[0] for point in points]
-    places = _checked(
-        'points.transforms.translation',
-        [[t.translation.x, t.translation.y, t.translation.z] for t in transforms],
-    )
-    turns = np.tile(np.eye(3), (len(points), 1, 1))
+    times = points.times
+    check_times(times)
+    poses = _poses(points)
+    places = _checked('points.transforms.translation', poses[:, :3])
+    turns = np.tile(np.eye(3), (len(times), 1, 1))
     if not isinstance(task, PositionTask):
-        turns = np.stack([_rotation(t.rotation) for t in transforms])
-    rates = _twists('velocities', points)
-    bends = _twists('accelerations', points)
+        turns = _rotations(poses[:, 3:])
+    rates, bends = (_twists(points, key) for key in ('velocities', 'accelerations'))
     seen = task.reference
     if source is not seen:
         A = seen.rotation.T @ source.rotation
@@ -160,20 +153,24 @@ def frame_path(task: FrameTask, msg: Any, source: Frame, begin: Begin) -> TaskPa
     return path
 
 
-def _times(points: Sequence[Any]) -> Vector:
-    if len(points) > MOST:
-        raise InvalidValue('points', f'{len(points)}', f'up to {MOST}')
-    times = np.array([_seconds(point.time_from_start) for point in points])
-    check_times(times)
-    return times
+def _points(msg: Any) -> PointValues:
+    """Numbers of the points of a message."""
+    values: PointValues = trajectory_message(msg, type(msg)).values
+    return values
 
 
-def _seconds(duration: Duration) -> float:
-    return float(duration.sec + 1e-9 * duration.nanosec)
+def _poses(points: PointValues) -> Matrix:
+    """Places and quaternions (m, 7) of the points."""
+    count = points.sizes['transforms']
+    if count == POSE and points.unlike:
+        count = points.unlike[1]['transforms']
+    if count != POSE:
+        got = plural(count // POSE, 'value')
+        raise InvalidValue('points.transforms', got, '1 for each point')
+    return points.columns['transforms']
 
 
-def _checked(key: str, rows: Sequence[Sequence[float]]) -> Matrix:
-    values = np.array(rows, dtype=float)
+def _checked(key: str, values: Matrix) -> Matrix:
     wrong = ~(np.abs(values) <= LARGEST).all(axis=1)
     if wrong.any():
         i = int(np.flatnonzero(wrong)[0])
@@ -182,35 +179,35 @@ def _checked(key: str, rows: Sequence[Sequence[float]]) -> Matrix:
     return values
 
 
-def _numbers(key: str, rows: Sequence[Sequence[float]], size: int, words: str) -> Matrix | None:
+def _numbers(points: PointValues, key: str, size: int, words: str) -> Matrix | None:
     """Values (m, size) of all points, None if none has them."""
-    if not any(len(row) for row in rows):
+    first, other = points.sizes[key], points.unlike
+    if not first and not (other and other[1][key]):
         return None
-    for i, row in enumerate(rows):
-        if len(row) != size:
-            got = f'{plural(len(row), "value")} for point {i + 1}'
-            raise InvalidValue(f'points.{key}', got, f'{words}, for all points or none')
-    return _checked(f'points.{key}', rows)
+    wrong = None if first == size else (0, first)
+    if wrong is None and other and other[1][key] != size:
+        wrong = (other[0], other[1][key])
+    if wrong is not None:
+        i, count = wrong
+        got = f'{plural(count, "value")} for point {i + 1}'
+        raise InvalidValue(f'points.{key}', got, f'{words}, for all points or none')
+    return _checked(f'points.{key}', points.columns[key])
 
 
-def _twists(key: str, points: Sequence[Any]) -> Matrix | None:
+def _twists(points: PointValues, key: str) -> Matrix | None:
     """Velocities or accelerations (m, 6) of all points, None if none has them."""
-    rows = [[value for twist in getattr(point, key) for value in _six(twist)] for point in points]
-    return _numbers(key, rows, 6, 'one twist for each point')
+    return _numbers(points, key, 6, 'one twist for each point')
 
 
-def _six(twist: Twist) -> tuple[float, ...]:
-    v, w = twist.linear, twist.angular
-    return v.x, v.y, v.z, w.x, w.y, w.z
-
-
-def _rotation(quaternion: Quaternion) -> Matrix:
-    xyzw = np.array([quaternion.x, quaternion.y, quaternion.z, quaternion.w])
-    largest = np.abs(xyzw).max()
-    if not 0.0 < largest < math.inf:
+def _rotations(quaternions: Matrix) -> Matrix:
+    """Rotations (m, 3, 3) of quaternions (m, 4) of any length."""
+    largest = np.abs(quaternions).max(axis=1)
+    wrong = np.flatnonzero(~((largest > 0.0) & (largest < math.inf)))
+    if wrong.size:
         accepts = 'a quaternion that is finite and not zero'
-        raise InvalidValue('points.transforms.rotation', shown(xyzw), accepts)
-    return rotation_from_quaternion(xyzw / largest)
+        got = shown(quaternions[wrong[0]])
+        raise InvalidValue('points.transforms.rotation', got, accepts)
+    return rotations_from_quaternions(quaternions / largest[:, None])
 
 
 def _spread(values: Matrix | None, columns: Sequence[int], k: int) -> Matrix | None:
