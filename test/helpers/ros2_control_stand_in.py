@@ -22,9 +22,12 @@ START = {'joint_1': 0.0, 'joint_2': 0.6, 'joint_3': 0.3, 'gripper': 0.04}
 
 
 class Ros2Control:
-    """A controller manager with mock hardware, and the two controllers in it."""
+    """A controller manager with mock hardware, and the two controllers in it.
 
-    def __init__(self, node, command_interface, joints=JOINTS):
+    Without an answer it stands in for another reader, which has no such parameters.
+    """
+
+    def __init__(self, node, command_interface, joints=JOINTS, answers=True):
         self._interface, self._joints = command_interface, joints
         self._commands = self._values = np.full(3, math.nan)
         self.state, self.velocity = dict(START), dict.fromkeys(START, 0.0)
@@ -36,8 +39,9 @@ class Ros2Control:
             self._on_command,
             qos_profile_system_default,
         )
-        # Of the node that reads the commands.
-        node.create_service(GetParameters, f'{node.get_name()}/get_parameters', self._on_get)
+        if answers:
+            # Of the node that reads the commands.
+            node.create_service(GetParameters, f'{node.get_name()}/get_parameters', self._on_get)
         self._publisher = node.create_publisher(
             JointState, 'joint_states', qos_profile_system_default
         )

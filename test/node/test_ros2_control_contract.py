@@ -70,3 +70,19 @@ def test_a_reader_that_takes_them_for_something_else_gets_no_command(
     client.spin_for(0.1)
     assert not arm.received
     assert arm.state == START
+
+
+def test_a_reader_that_does_not_tell_its_order_moves_an_arm_once(lone_controller):
+    changes = {
+        '/**': {'rate': RATE, 'command': {'type': 'float64_multi_array_position'}},
+        'tp_controller': {'timeouts': {'joint_state': 60.0}, 'start': 'hold'},
+    }
+    topic = 'joint_position_command:=/position_controller/commands'
+    client = lone_controller(changes, ['-r', topic], wait=False).client
+    arm = Ros2Control(client.node, 'position', ['joint_2', 'joint_3', 'joint_1'], answers=False)
+    told = 'joints are where others were sent: the reader has them in another order'
+    client.wait_for(lambda: client.state is not None and told in client.state.message, told)
+    count = len(arm.received)
+    client.wait_for(lambda: len(arm.received) > count + 20, 'commands')
+    assert np.ptp(arm.received[count:], axis=0).max() == 0.0
+    assert [arm.state[name] for name in JOINTS] == pytest.approx([0.3, 0.0, 0.6], abs=0.02)

@@ -7,7 +7,7 @@ import pytest
 from small_arms import planar_block
 
 from tp_controller import InvalidValue, UnusableState, build_settings, read_parameter_file
-from tp_controller.position_reference import PositionReference
+from tp_controller.position_reference import OTHER_ORDER, PositionReference
 from tp_controller.robot import Limits
 from tp_sim.integrator import Integrator
 from tp_sim.plant import Plant, PlantSettings
@@ -140,6 +140,20 @@ def test_a_jump_is_believed_when_a_second_state_says_so():
     loop.plant.follow = lambda *_: None
     assert np.array_equal(loop.step(), rest)
     assert np.array_equal(loop.step(), [-1.0, 1.0])
+
+
+def test_a_reader_with_another_order_of_joints_moves_the_arm_once():
+    loop = Loop((0.3, -0.2))
+    follow = loop.plant.follow
+    loop.plant.follow = lambda positions, period: follow(positions[::-1], period)
+    loop.run(3.0)
+    # Begun anew wherever the arm is, they would go on being exchanged.
+    assert np.array_equal(np.unique(loop.sent, axis=0), [[0.3, -0.2]])
+    assert loop.plant.q == pytest.approx([-0.2, 0.3], abs=1e-3)
+    assert OTHER_ORDER in loop.reference.notice
+    # After a pause another reader may be there.
+    loop.reference.pause()
+    assert loop.step() == pytest.approx([-0.2, 0.3], abs=1e-3)
 
 
 @pytest.mark.parametrize('there', [(0.31, -0.2), (-1.0, 1.0)], ids=['near', 'elsewhere'])

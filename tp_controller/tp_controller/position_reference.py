@@ -21,6 +21,9 @@ STOOD = 0.05
 """Time [s] without any motion after which an arm does not carry out what it is sent."""
 SOON = 0.05
 """Share of a new interval between joint states in their mean."""
+EXCHANGED = 3.0
+"""So many times the tolerance joints are apart at least that count as exchanged."""
+OTHER_ORDER = 'joints are where others were sent: the reader has them in another order'
 ON_TIME = 0.95
 """Joint states that come in less than this share of a period are too fast to go by."""
 
@@ -45,6 +48,9 @@ class PositionReference:
     - joint states had stopped, and it is at rest,
     - the measured position has jumped by what no joint can move, twice in a row, or
     - the reference and the arm have been at rest for a while.
+
+    Of these the first one only counts while joints are where others were sent: their reader has
+    them in another order, and the arm would swing for ever.
 
     Positions of joints that turn without end run on; measured ones are moved by whole turns.
 
@@ -208,8 +214,17 @@ class PositionReference:
             self._seen[:] = q
         self._still = self._still + passed if still and rests else 0.0
         jumped, self._jumped = self._jumped and near, not near
+        if share[i] > EXCHANGED and self._exchanged(q):
+            self.notice = f'{self.notice}; {OTHER_ORDER}'
+            # Where the arm is would be sent to other joints again, and so on for ever.
+            jumped, self._still = False, 0.0
         if jumped or (rests and (self._paused or self._still >= STILL)):
             self._begin(q)
+
+    def _exchanged(self, q: Vector) -> bool:
+        """Whether the joints are where others were sent of late."""
+        apart = np.abs(np.sort(self._way, axis=1) - np.sort(q)).max(axis=1)
+        return bool(apart.min() <= np.min(self._allowed))
 
     @property
     def _at_rest(self) -> bool:

@@ -13,6 +13,7 @@ those at a point are from the parabola through it and its neighbours.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -70,9 +71,7 @@ class VectorPath:
         self._given = velocities
         self._accelerations = None if velocities is None else accelerations
         self._start = np.zeros(values.shape[1]) if start is None else start
-        self._block: tuple[int, Matrix] = (-1, values[:0])
-        self._segment = -1
-        self._coefficients = np.zeros((0, values.shape[1]))
+        self._blocks, self._polynomials = dict[int, Matrix](), dict[int, Matrix]()
 
     def at(self, time: float) -> tuple[Vector, Vector]:
         """Values and velocities (k,) at a time [s]; at rest before and after the points."""
@@ -82,9 +81,8 @@ class VectorPath:
         if time < self.times[0]:
             return self.values[0].copy(), np.zeros(self.values.shape[1])
         i = segment_of(self.times, time)
-        if i != self._segment:
-            self._segment, self._coefficients = i, self._polynomial(i)
-        return evaluated(self._coefficients, time - self.times[i])
+        coefficients = kept(self._polynomials, i, self._polynomial)
+        return evaluated(coefficients, time - self.times[i])
 
     def _polynomial(self, i: int) -> Matrix:
         h = float(self.times[i + 1] - self.times[i])
@@ -101,12 +99,11 @@ class VectorPath:
         if self._given is not None:
             return np.asarray(self._given[i])
         number, place = divmod(i, BLOCK)
-        if number != self._block[0]:
-            self._block = (number, self._spline(number * BLOCK))
-        return np.asarray(self._block[1][place])
+        return np.asarray(kept(self._blocks, number, self._spline)[place])
 
-    def _spline(self, first: int) -> Matrix:
-        """Velocities (b, k) of the points of a block that begins with a point."""
+    def _spline(self, number: int) -> Matrix:
+        """Velocities (b, k) of the points of a block."""
+        first = number * BLOCK
         end = min(first + BLOCK, len(self.times))
         low, high = max(0, first - MARGIN), min(len(self.times), end + MARGIN)
         times, values = self.times[low:high], self.values[low:high]
@@ -156,8 +153,7 @@ class RotationPath:
         self._given = velocities
         self._accelerations = None if velocities is None else accelerations
         self._start = np.zeros(3) if start is None else start
-        self._segment = -1
-        self._coefficients = np.zeros((0, 3))
+        self._polynomials = dict[int, Matrix]()
 
     def at(self, time: float) -> tuple[Matrix, Vector]:
         """Rotation (3, 3) and angular velocity (3,) at a time [s], as `VectorPath.at`."""
@@ -166,9 +162,8 @@ class RotationPath:
             R = self._rotations[last if time >= self.times[last] else 0]
             return R.copy(), np.zeros(3)
         i = segment_of(self.times, time)
-        if i != self._segment:
-            self._segment, self._coefficients = i, self._polynomial(i)
-        phi, rate = evaluated(self._coefficients, time - self.times[i])
+        coefficients = kept(self._polynomials, i, self._polynomial)
+        phi, rate = evaluated(coefficients, time - self.times[i])
         R = np.asarray(self._rotations[i] @ pin.exp3(phi))
         return R, R @ (pin.Jexp3(phi) @ rate)
 
@@ -325,6 +320,19 @@ class Straight(TaskPath):
 def _line(times: Vector, value: Vector, velocity: Vector) -> VectorPath:
     values = np.stack([value, value + velocity * (times[1] - times[0])])
     return VectorPath(times, values, np.tile(velocity, (2, 1)))
+
+
+def kept(cache: dict[int, Matrix], i: int, compute: Callable[[int], Matrix]) -> Matrix:
+    """Value of a number, which is computed if it is not one of the last two.
+
+    A cycle looks at its beginning and its end, which may be in two segments, and the next one
+    begins at that end.
+    """
+    if i not in cache:
+        if len(cache) == 2:
+            del cache[next(iter(cache))]
+        cache[i] = compute(i)
+    return cache[i]
 
 
 def segment_of(times: Vector, time: float) -> int:

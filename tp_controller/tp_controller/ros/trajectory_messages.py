@@ -145,9 +145,11 @@ def frame_path(task: FrameTask, msg: Any, source: Frame, begin: Begin) -> TaskPa
         turns = np.concatenate([turn[None], turns])
     v, w = _halves(rates)
     dv, dw = _halves(bends)
-    path = FramePath(
-        VectorPath(times, places, v, dv, rate[:3]), RotationPath(times, turns, w, dw, rate[3:])
-    )
+    turning = RotationPath(times, turns, w, dw, rate[3:])
+    if isinstance(task, PositionTask):
+        # It does not turn: one segment serves all.
+        turning = RotationPath(times[[0, -1]], turns[[0, -1]])
+    path = FramePath(VectorPath(times, places, v, dv, rate[:3]), turning)
     if alone and rates is not None:
         return Straight(path, rates[-1], begin.longest)
     return path
