@@ -82,16 +82,19 @@ def main() -> None:
             sent = statistics.median(row[3] for row in found[True])
             print(f'pictures per second   {sent:9.1f}')
         else:
-            drawn, moved = (statistics.median(row[i] for row in found[True]) for i in (4, 5))
+            drawn, moved, spent = (
+                statistics.median(row[i] for row in found[True]) for i in (4, 5, 6)
+            )
             print(
                 f'drawn by the browser  {drawn:9.1f} a second, {moved:.1f} with the arm elsewhere'
             )
+            print(f'cpu of the browser    {spent:9.1f} ms a picture')
         if given.minutes:
             watch_memory(loop, given.minutes)
 
 
 def look(loop, with_page, given):
-    """Cpu time of a cycle, medians of solve time and age [µs]; packets, pictures, moves [1/s]."""
+    """Cpu time of a cycle, medians of solve time and age [µs]; what the page does."""
     page, client = started(loop) if with_page else (None, None)
     browser = opened(page, given.size) if with_page and given.browser else None
     if browser is not None:
@@ -106,10 +109,11 @@ def look(loop, with_page, given):
         age.append(state.command_age)
 
     loop.client.on_state.append(note)
-    begin, cpu, cycles = time.monotonic(), cpu_time(loop), loop.state.cycles
+    begin, cpu, cycles = time.monotonic(), cpu_time(loop.controller.pid), loop.state.cycles
     packets, goals = 0, 0
     if browser is not None:
         browser.evaluate('window.drawn = window.moved = 0')
+        browser_cpu = family_time(browser.pid)
     while time.monotonic() - begin < given.seconds:
         if time.monotonic() - begin >= goals * PERIOD:
             goals += 1
@@ -119,10 +123,12 @@ def look(loop, with_page, given):
             packets += client.receive(0.005)
             client.messages.clear()
     passed = time.monotonic() - begin
-    share = (cpu_time(loop) - cpu) / (loop.state.cycles - cycles)
+    share = (cpu_time(loop.controller.pid) - cpu) / (loop.state.cycles - cycles)
     loop.client.on_state.remove(note)
     drawn, moved = browser.evaluate('[window.drawn, window.moved]') if browser else (0, 0)
+    per_picture = 0.0
     if browser is not None:
+        per_picture = (family_time(browser.pid) - browser_cpu) / max(drawn, 1)
         browser.close()
     if page is not None:
         if client is not None:
@@ -135,6 +141,7 @@ def look(loop, with_page, given):
         packets / passed,
         drawn / passed,
         moved / passed,
+        1e3 * per_picture,
     )
 
 
@@ -162,10 +169,21 @@ def goal(loop, other):
     return task.name, [value + (0.1 if other else -0.1) for value in task.current]
 
 
-def cpu_time(loop):
-    """Cpu time of the controller's process so far [s]."""
-    fields = Path(f'/proc/{loop.controller.pid}/stat').read_text().rpartition(')')[2].split()
+def cpu_time(pid):
+    """Cpu time of a process so far [s]."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
     return (int(fields[11]) + int(fields[12])) / TICKS
+
+
+def family_time(pid):
+    """Cpu time [s] of a process and of all that it has started and that still run."""
+    total, left = 0.0, [pid]
+    while left:
+        pid = left.pop()
+        total += cpu_time(pid)
+        for thread in Path(f'/proc/{pid}/task').iterdir():
+            left += map(int, (thread / 'children').read_text().split())
+    return total
 
 
 def watch_memory(loop, minutes):

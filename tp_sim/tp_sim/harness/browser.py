@@ -114,6 +114,11 @@ class Browser:
             self.close()
             raise
 
+    @property
+    def pid(self) -> int:
+        """Process that has started all others of it."""
+        return self._process.pid
+
     def close(self) -> None:
         """End it."""
         self._process.terminate()
