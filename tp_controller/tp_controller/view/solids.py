@@ -46,6 +46,8 @@ def add_solid(
         'position': pose.translation,
         'wxyz': wxyz(pose.rotation),
         'visible': visible,
+        # What is flat looks the same with a material that takes less of a processor.
+        'material': 'toon5' if _is_flat(shape) else 'standard',
     }
     if shape.kind == 'box':
         return scene.add_box(name, dimensions=shape.size, **options)  # type: ignore[arg-type]
@@ -59,6 +61,11 @@ def add_solid(
     # The middle of what trimesh makes is at its centre or at one end, by version.
     vertices = mesh.vertices - mesh.bounds.mean(axis=0)
     return scene.add_mesh_simple(name, vertices, mesh.faces, **options)
+
+
+def _is_flat(shape: Shape) -> bool:
+    disc = shape.kind == 'cylinder' and shape.size[1] < shape.size[0]
+    return disc or shape.kind == 'half_space'
 
 
 def add_axes(scene: viser.SceneApi, name: str, length: float) -> viser.LineSegmentsHandle:
