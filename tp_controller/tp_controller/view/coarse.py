@@ -26,7 +26,7 @@ Faces = NDArray[np.int64]
 
 
 def coarse_scenes(scenes: Sequence[trimesh.Scene]) -> list[trimesh.Scene]:
-    """Scenes with about `TRIANGLES` triangles in all, the same number if they have fewer.
+    """Scenes with about `TRIANGLES` triangles in all, with more if meshes would lose their shape.
 
     Every mesh gets a share by the square root of its area. Meshes of one material become one.
     Meshes with textures, or with colors of single vertices, stay as they are.
