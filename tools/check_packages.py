@@ -36,6 +36,7 @@ WITHOUT_KEY = {
     'daqp',
     'dask',
     'distributed',
+    'fast_simplification',
     'mcap',
     'mcap_ros2',
     'ompl',

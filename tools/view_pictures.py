@@ -19,6 +19,8 @@ from tp_sim.harness.browser import Browser, text_element
 
 ROOT = Path(__file__).resolve().parents[1]
 SIZE = 1280, 900
+ADDRESS = '/?smooth&fixedDpr=1'
+"""Behind the page's: with smooth edges and all pixels, as with a graphics card."""
 OPEN = "document.querySelector('canvas[data-engine]')?.style.opacity === '1'"
 NOTE = "document.querySelectorAll('.mantine-Notification-root').forEach(e => e.remove())"
 
@@ -72,7 +74,7 @@ def take(picture: Picture, folder: Path) -> None:
         browser = Browser(*SIZE)
         try:
             page.wait_for_output('view: http', timeout=60.0)
-            browser.open(page.output.split('view: ')[1].split()[0])
+            browser.open(page.output.split('view: ')[1].split()[0] + ADDRESS)
             browser.wait_for(lambda: browser.evaluate(OPEN), 'the scene')
             for text in picture.clicks:
                 browser.click(text_element(text))

@@ -44,7 +44,7 @@ EXTRAS = {
     'recordings': ['matplotlib', 'mcap', 'mcap-ros2-support', 'trimesh', 'zstandard'],
     'robots': ['example-robot-data>=4.4'],  # URDFs of real arms
     'test': ['hypothesis', 'pytest', 'pytest-timeout'],
-    'view': ['pycollada', 'viser>=1.1,<1.2'],  # the page's scene, without ROS
+    'view': ['fast-simplification', 'pycollada', 'viser>=1.1,<1.2'],  # the page, without ROS
 }
 
 for_ros = {

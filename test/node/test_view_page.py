@@ -24,6 +24,7 @@ FIELD = math.radians(50.0)
 CAMERA = f'/?initialCameraPosition={MIDDLE},-0.001,{HEIGHT}&initialCameraLookAt={MIDDLE},0,0'
 SCALE = TALL / 2 / math.tan(FIELD / 2) / HEIGHT
 """Pixels per metre in the plane of the arm."""
+ROUGH = "document.querySelector('canvas[data-engine]').getContext('webgl2').getContextAttributes()"
 STEEL, BLUE, BALL = (210, 214, 222), (45, 130, 190), (245, 175, 85)
 THUMB = "document.querySelector('[role=slider]')"
 
@@ -113,6 +114,8 @@ def drive(browser, loop):
 
     client.wait_for(lambda: client.task('ee_position').error_norm < 5e-3, 'the first target')
     browser.wait_for(arm_is_drawn, 'the arm')
+
+    assert not browser.evaluate(ROUGH)['antialias'], 'smooth edges take a graphics card'
 
     # The square between two arrows moves the target in their plane.
     extent = 0.2 * 1.25 * SCALE

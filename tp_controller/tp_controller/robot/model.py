@@ -300,6 +300,17 @@ class Robot:
             ]
         )
 
+    def corners(self) -> Matrix:
+        """Ends (m, 3) [m] of the segments, each once."""
+        found: dict[object, Vector] = {}
+        for start, end in self._lines:
+            if isinstance(start, str):
+                found[start] = self._frames[start].position
+            else:
+                found[tuple(start)] = start
+            found[end] = self._frames[end].position
+        return np.array(list(found.values())).reshape(-1, 3)
+
     def joint_indices(self, names: Sequence[str]) -> list[int]:
         """Indices of the named coordinates.
 

@@ -96,6 +96,6 @@ def _read(parameters: Flat, description: str | None) -> list[Visual]:
     if (robot_source(parameters) or '').startswith(DH):
         return []
     try:
-        return list(visuals(describe_robot(parameters, description)))
+        return visuals(describe_robot(parameters, description))
     except TaskPriorityError:
         return []

@@ -12,7 +12,7 @@ import viser
 
 from tp_controller.robot import Robot
 from tp_controller.view.palette import TARGET
-from tp_controller.view.solids import put
+from tp_controller.view.solids import add_axes, put
 from tp_controller.view.targets import Freedom, freedom, handle_place, has_values, target_values
 from tp_controller.view.wishes import Goal
 
@@ -91,9 +91,7 @@ class Handles:
         if any(free.axes):
             self._scene.add_icosphere(f'{path}/ball', 0.22 * self._size, TARGET, opacity=0.9)
         if any(free.turns):
-            self._scene.add_frame(
-                f'{path}/axes', axes_length=0.6 * self._size, axes_radius=0.03 * self._size
-            )
+            add_axes(self._scene, f'{path}/axes', 0.6 * self._size)
         return node
 
     def _listener(self, name: str) -> Callable[[viser.TransformControlsEvent], Any]:

@@ -9,12 +9,14 @@ import socket
 import urllib.parse
 from collections.abc import Collection, Iterator
 from typing import Any
+from unittest import mock
 
 import viser
 from viser import _messages as messages
 from viser import infra
 
 from tp_controller.errors import InvalidValue, shown
+from tp_controller.view.site import SiteServer
 
 LOCAL = ('127.0.0.1', '::1', 'localhost')
 TITLE = 'Task-priority control'
@@ -51,7 +53,7 @@ class Page:
         self._host = host
         name = socket.gethostname()
         self._own = frozenset({*LOCAL, host, name, socket.getfqdn(), f'{name}.local'})
-        with _silence():
+        with _silence(), mock.patch.object(infra, 'WebsockServer', SiteServer):
             self.server = viser.ViserServer(host, port, TITLE, verbose=False)
         connections: infra.WebsockServer = self.server._websock_server
         connections.unregister_handler(messages.ShareUrlRequest)
@@ -94,6 +96,8 @@ class Page:
         """Close it; browsers say that they have lost the connection."""
         with _silence():
             self.server.stop()
+        if isinstance(self.server._websock_server, SiteServer):
+            self.server._websock_server.site.cleanup()
 
     async def _admit(self, connection: infra.WebsockClientConnection) -> None:
         """Close a connection that a page of another site has opened, before it is listened to."""

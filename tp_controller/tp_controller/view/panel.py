@@ -177,6 +177,9 @@ class Panel:
         gui = self._gui
         with gui.add_folder('Show', order=20.0, expand_by_default=False):
             self.meshes = gui.add_checkbox('meshes', True, hint='else the skeleton')
+            self.fine = gui.add_checkbox(
+                'fine meshes', False, hint='all triangles, for a fast graphics card'
+            )
             self.targets = gui.add_checkbox('targets', True)
             self.paths = gui.add_checkbox('paths', True)
             self.shapes = gui.add_checkbox('link shapes', False, hint='that keep their distances')

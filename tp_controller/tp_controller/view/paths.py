@@ -11,9 +11,9 @@ import viser
 from tp_controller.robot import Robot
 from tp_controller.view.palette import color
 
-POINTS = 300
+POINTS = 150
 """Points of a path."""
-SPACING = 0.004
+SPACING = 0.008
 """Least way between two of them, as a share of the arm's extent."""
 
 

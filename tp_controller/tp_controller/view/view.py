@@ -15,6 +15,7 @@ from tp_controller.robot import Robot, Shape
 from tp_controller.scenery import is_planar
 from tp_controller.stack import Stack
 from tp_controller.view.arm import ArmPicture
+from tp_controller.view.ground import Ground
 from tp_controller.view.handles import Handles
 from tp_controller.view.history import KEPT
 from tp_controller.view.page import Page
@@ -36,6 +37,7 @@ class _Drawn(NamedTuple):
 
     robot: Robot
     arm: ArmPicture
+    ground: Ground
     paths: Paths
     surroundings: Surroundings
     handles: Handles
@@ -70,7 +72,6 @@ class View:
         self._due: dict[str, float] = {}
         self._begin = time.monotonic()
         self._cycles = -1
-        self._shadows = False
         self._scene.configure_default_lights(cast_shadow=False)
         # The picture of a room that is mirrored in surfaces by default is most of the work of a
         # browser without a graphics card.
@@ -93,16 +94,16 @@ class View:
             if same_robot and before is not None:
                 for name in ('/obstacles', '/targets', '/labels', '/distances'):
                     self._scene.remove_by_name(name)
-                arm, paths = before.arm, before.paths
+                arm, paths, ground = before.arm, before.paths, before.ground
                 arm.robot = robot
             else:
                 self._scene.reset()
                 arm = ArmPicture(self._scene, robot)
                 paths = Paths(self._scene, arm.extent)
-                self._furnish(robot, arm.extent, before is None)
+                ground = self._furnish(robot, arm.extent, before is None)
             around = Surroundings(self._scene, robot, stack.tasks.values())
             handles = Handles(self._scene, robot, arm.extent, self._types, self._ask)
-            self._drawn = _Drawn(robot, arm, paths, around, handles)
+            self._drawn = _Drawn(robot, arm, ground, paths, around, handles)
         self._names = ()
         self._cycles = -1
 
@@ -182,12 +183,12 @@ class View:
         self._move(drawn, state)
         if not self._page.watched:
             return
-        drawn.arm.follow()
         shapes = bool(panel.shapes.value)
         if shapes and not drawn.arm.has_shapes:
             self._add_shapes(drawn)
-        drawn.arm.show(bool(panel.meshes.value), shapes)
-        self._light(bool(panel.shadows.value))
+        drawn.arm.show(bool(panel.meshes.value), bool(panel.fine.value), shapes)
+        drawn.arm.follow()
+        drawn.ground.show(bool(panel.shadows.value))
         drawn.surroundings.follow(state.tasks)
         drawn.handles.show(bool(panel.targets.value), bool(panel.obstacles.value))
         drawn.handles.follow(state.tasks)
@@ -198,11 +199,6 @@ class View:
                 drawn.surroundings.measure(state.tasks)
             else:
                 drawn.surroundings.hide_distances()
-
-    def _light(self, shadows: bool) -> None:
-        if self._shadows != shadows:
-            self._shadows = shadows
-            self._scene.configure_default_lights(cast_shadow=shadows)
 
     def _add_shapes(self, drawn: _Drawn) -> None:
         """Add the shapes of links once they are there: hulls of meshes take seconds."""
@@ -237,24 +233,13 @@ class View:
         self._due[what] = now + period
         return True
 
-    def _furnish(self, robot: Robot, extent: float, first: bool) -> None:
+    def _furnish(self, robot: Robot, extent: float, first: bool) -> Ground:
         """Put a grid under the arm, and the camera where all of it is seen, at the first time."""
         flat = is_planar(robot)
         reach = reach_of(robot, extent)
-        low = -0.08 * extent if flat else -0.001
-        self._scene.add_grid(
-            '/grid', 4.0 * reach, 4.0 * reach, cell_size=0.1, section_size=0.5,
-            cell_color=(232, 234, 237), section_color=(205, 208, 212), shadow_opacity=0.2,
-            position=(0.0, 0.0, low), plane='xy',
-        )  # fmt: skip
-        # Light from the sky and from where the camera is first, on what faces it.
-        self._scene.add_light_hemisphere('/light/sky', ground_color=(205, 200, 195), intensity=1.6)
-        self._scene.add_light_directional(
-            '/light/front', intensity=0.8, position=(1.0, 0.4, 0.8), cast_shadow=False
-        )
-        self._scene.add_frame('/base', axes_length=0.12 * extent, axes_radius=0.005 * extent)
+        ground = Ground(self._scene, 4.0 * reach, -0.08 * extent if flat else -0.001, extent)
         if not first:
-            return
+            return ground
         camera = self._page.server.initial_camera
         camera.fov = FIELD
         if flat:
@@ -267,6 +252,7 @@ class View:
             aim = np.array([0.25, 0.25, 0.33]) * reach
             camera.look_at = aim
             camera.position = aim + away * np.array([0.86, 0.22, 0.4])
+        return ground
 
 
 def _ranges(robot: Robot, task: Any, types: Collection[str]) -> dict[str, Range]:

@@ -12,6 +12,7 @@ import pinocchio as pin
 import trimesh
 
 from tp_controller.robot.urdf import numbers, place_of
+from tp_controller.view.coarse import coarse_scenes
 
 GREY = (0.75, 0.76, 0.78, 1.0)
 
@@ -23,17 +24,44 @@ class Visual(NamedTuple):
     place: pin.SE3
     """Pose in the link."""
     glb: bytes
-    """The mesh with its colors."""
+    """The mesh with its colors, of few triangles."""
+    fine: bytes
+    """The same with all its triangles."""
 
 
-def visuals(description: str) -> Iterator[Visual]:
-    """Visuals of a URDF, read one at a time; those that cannot be read are left out."""
+class _Look(NamedTuple):
+    """One visual as it is read."""
+
+    link: str
+    place: pin.SE3
+    scene: trimesh.Scene
+
+
+def visuals(description: str) -> list[Visual]:
+    """Visuals of a URDF; those that cannot be read are left out."""
+    looks = list(_looks(description))
+    scenes = [look.scene for look in looks]
+    coarse = scenes
+    # Readers and writers of meshes raise what they like.
+    with contextlib.suppress(Exception):
+        coarse = coarse_scenes(scenes)
+    found = []
+    for look, simple in zip(looks, coarse, strict=True):
+        with contextlib.suppress(Exception):
+            found.append(Visual(look.link, look.place, _glb(simple), _glb(look.scene)))
+    return found
+
+
+def _glb(scene: trimesh.Scene) -> bytes:
+    return bytes(scene.export(file_type='glb'))  # type: ignore[no-untyped-call]
+
+
+def _looks(description: str) -> Iterator[_Look]:
     root = ElementTree.fromstring(description)
     colors = {str(material.get('name')): _color(material) for material in root.findall('material')}
     for link in root.findall('link'):
         name = str(link.get('name'))
         for visual in link.findall('visual'):
-            # Readers of meshes raise what they like.
             with contextlib.suppress(Exception):
                 found = _read(name, visual, colors)
                 if found is not None:
@@ -42,20 +70,19 @@ def visuals(description: str) -> Iterator[Visual]:
 
 def _read(
     link: str, visual: ElementTree.Element, colors: Mapping[str, tuple[float, ...] | None]
-) -> Visual | None:
+) -> _Look | None:
     scene = _scene(link, visual)
     if scene is None:
         return None
     material = visual.find('material')
-    if material is not None:
-        _paint(scene, _color(material) or colors.get(str(material.get('name'))))
+    named = None if material is None else colors.get(str(material.get('name')))
+    _paint(scene, (None if material is None else _color(material)) or named or GREY)
     origin = visual.find('origin')
     xyz, rpy = (
         np.array(numbers(link, '0 0 0' if origin is None else origin.get(key, '0 0 0'), 3))
         for key in ('xyz', 'rpy')
     )
-    glb = scene.export(file_type='glb')  # type: ignore[no-untyped-call]
-    return Visual(link, pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz), glb)
+    return _Look(link, pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz), scene)
 
 
 def _scene(link: str, visual: ElementTree.Element) -> trimesh.Scene | None:
@@ -81,7 +108,6 @@ def _scene(link: str, visual: ElementTree.Element) -> trimesh.Scene | None:
         mesh = trimesh.creation.cylinder(size('radius', 1)[0], size('length', 1)[0])
     else:
         return None
-    _paint(mesh.scene(), GREY)
     return mesh.scene()
 
 

@@ -31,9 +31,7 @@ FLAGS = (
     '--hide-scrollbars',
     # /dev/shm of a container is small.
     '--disable-dev-shm-usage',
-    # Pictures without a graphics card.
-    '--use-gl=angle',
-    '--use-angle=swiftshader',
+    # Pictures without a graphics card; only what the page itself draws with one needs it.
     '--enable-unsafe-swiftshader',
     '--remote-debugging-port=0',
 )
@@ -115,6 +113,11 @@ class Browser:
         except Exception:
             self.close()
             raise
+
+    @property
+    def pid(self) -> int:
+        """Process that has started all others of it."""
+        return self._process.pid
 
     def close(self) -> None:
         """End it."""
