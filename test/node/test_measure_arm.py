@@ -69,10 +69,11 @@ def test_delay_lag_and_noise_are_those_of_the_simulator(arm):
     for _ in range(3):
         arm.commands.clear()
         status, output = arm.finish(arm.begin('--yes'))
-        assert status == 0, output
-        # On a busy machine it may find another arm than this one, and says so: again, then.
-        if 'do not use' not in output:
+        # On a busy machine it may find another arm than this one, or no states for too long, and
+        # says so: again, then.
+        if status == 0 and 'do not use' not in output:
             break
+    assert status == 0, output
     found = yaml.safe_load(output[output.index('robot:') :])['robot']
     # On a busy machine states come late, and so do their answers: those are part of the delay.
     # Of a period, delay and lag cannot always be told apart.
