@@ -29,6 +29,7 @@ def test_a_moving_controller_is_driven_through_all_states(config):
         client = loop.client
         commands = client.collect(JointState, 'joint_velocity_command')
         events = client.collect(TransitionEvent, 'tp_controller/transition_event')
+        joints = client.collect(JointState, 'joint_states')
 
         def moves():
             return loop.state.status == ControllerState.RUNNING and max(np.abs(speed())) > 0.1
@@ -61,10 +62,12 @@ def test_a_moving_controller_is_driven_through_all_states(config):
         assert change(client, 'deactivate') == (False, 'inactive')
         assert loop.controller.running
 
-        place = list(loop.state.position)
+        # Where the arm is: the controller's state has where it was when it last answered one.
+        before, place = len(commands), list(joints[-1].position)
         assert change(client, 'activate') == (True, 'active')
         client.wait_for(lambda: loop.state.status == ControllerState.RUNNING, 'control')
         client.spin_for(0.2)
+        assert not np.any([msg.velocity for msg in commands[before:]])
         assert loop.state.position == pytest.approx(place, abs=1e-6)
         loop.send_goal('ee_position', [1.0, -0.5])
         client.wait_for(moves, 'motion')
