@@ -69,6 +69,11 @@ def test_another_array_has_to_be_of_the_same_kind():
             call.replace(1, other)
 
 
+def test_an_array_of_what_no_function_takes_is_refused():
+    with pytest.raises(TypeError, match='float32'):
+        Prepared(approach, np.zeros(3, dtype=np.float32))
+
+
 def test_an_array_with_gaps_is_refused():
     with pytest.raises(TypeError, match='gaps'):
         Prepared(approach, np.zeros((3, 2))[:, 0])

@@ -92,10 +92,11 @@ def _compile(paths: list[Path], folder: Path) -> None:
         found = [entry for entry in compiled.collected if entry[0].__module__ == name]
         for function, types, prepared in found:
             signature = types[0] if isinstance(types, list) else types
-            caller = _caller(function)
             if prepared:
                 caller, signature = prepared_caller(lean(function), signature)
-                caller = _named(function, caller)
+            else:
+                caller = _caller(function)
+            caller.__name__ = caller.__qualname__ = function.__name__
             library.export(function.__name__, signature)(caller)
         if found:
             library.output_dir, library.output_file = (
@@ -110,18 +111,14 @@ def lean(function: Callable[..., Any]) -> Any:
     return importlib.import_module('numba').njit(**compiled.LEAN)(function)
 
 
-def _named(function: Callable[..., Any], caller: Callable[..., Any]) -> Callable[..., Any]:
-    caller.__name__ = caller.__qualname__ = function.__name__
-    return caller
-
-
 def _caller(function: Callable[..., Any]) -> Callable[..., Any]:
     """Function that calls another one, compiled as lean as inner ones.
 
     Exported functions themselves have to count their arguments.
     """
     names = ', '.join(inspect.signature(function).parameters)
-    return _named(function, eval(f'lambda {names}: lean({names})', {'lean': lean(function)}))
+    caller: Callable[..., Any] = eval(f'lambda {names}: lean({names})', {'lean': lean(function)})
+    return caller
 
 
 def _module(path: Path) -> str:

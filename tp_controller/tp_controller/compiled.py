@@ -131,8 +131,8 @@ def njit(
 ) -> Callable[[Callable[..., Any]], Any]:
     """Decorate a function that is to be compiled; as ``numba.njit``.
 
-    The library has those with a signature. The others are for these to call. One that is
-    ``prepared`` takes a place in the library that only `Prepared` can call.
+    The library has those with a signature. The others are for these to call. Those that are
+    ``prepared`` are called by `Prepared` only.
     """
     if library() is not None:
         return _out_of_library

@@ -45,8 +45,8 @@ class Prepared:
     Raises
     ------
     TypeError
-        If an argument is none of that. Of another kind than the function's the first `run` raises
-        it.
+        If an argument is none of these. If it is, but the function takes another kind, `run`
+        raises the error.
 
     Attributes
     ----------
@@ -114,6 +114,8 @@ def _words(argument: Any) -> tuple[str, Sequence[int]]:
     if isinstance(argument, np.ndarray):
         if not argument.flags.c_contiguous:
             raise TypeError('an array with gaps, or not in the order of rows')
+        if argument.dtype not in KINDS:
+            raise TypeError(f'an array of {argument.dtype}')
         kind = f'{KINDS[argument.dtype]}{argument.ndim}'
         return kind, (argument.__array_interface__['data'][0], *argument.shape)
     if isinstance(argument, (bool, np.bool_)):

@@ -290,8 +290,8 @@ class SafetyFilter:
         else:
             acceleration, bounds = self._robot.limits.acceleration, self._bounds
         call = self._approach
-        wish, _, given, *_ = call.arguments
-        if wish is not command or given is not acceleration:
+        wish, _, given, _, _, upper, _ = call.arguments
+        if wish is not command or given is not acceleration or upper is not bounds.soon_upper:
             arrays = {0: command, 2: acceleration, 4: bounds.soon_lower, 5: bounds.soon_upper}
             for i, array in {**arrays, 6: command}.items():
                 call.replace(i, array)
