@@ -241,7 +241,7 @@ def bound_late(  # type: ignore[no-untyped-def]
         By how much (n,) these may be wrong; a joint that is less than twice as far outside its
         range does not come back.
     upper, lower, held_upper, held_lower
-        As `tp_controller.following.farthest`; the last two may have no rows.
+        As `tp_controller.commands_under_way.farthest`; the last two may have no rows.
     before, speed, position_min, position_max, acceleration, dt, period
         As `bound` and `held_speed`.
     range_lower, range_upper, soon_lower, soon_upper

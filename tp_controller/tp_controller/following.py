@@ -1,386 +1,19 @@
-"""Where an arm is that carries commands out late, compiled by numba.
+"""Going on to a measured position of the arm, and judging it, compiled by numba.
 
-A command that was sent at a time ``t`` acts from ``t + delay`` to the next one's; the velocity
-follows the acting command with a first-order lag. An arm that goes on with a command for up to
-``hold`` more acts on any of those of the last ``hold``, in the order in which they were sent.
-
-Commands are in a ring: ``times`` (m,) [s] and ``commands`` (m, n) [rad/s, m/s], the newest at
-``head``. Before the oldest one all joints moved as that says.
+Parameters of the arm and its commands are those of `tp_controller.commands_under_way`.
 """
 
 from __future__ import annotations
 
 import math
 
+from tp_controller.arm_state import FASTEST, PARTED, V_HIGH, V_LOW, P, Q, V, Z
 from tp_controller.array_types import COLUMN, FIXED, ROWS
+from tp_controller.commands_under_way import advance, expect
 from tp_controller.compiled import boolean, float64, int64, njit, void
-
-SLIVER = 1e-6
-"""Times [steps] that differ by less are the same."""
 
 ROUNDING = 1e-9
 """Movement [rad, m] of a step that may be rounding."""
-
-Z, P, V, V_HIGH, V_LOW, PARTED, FASTEST, Q, CANDIDATE = range(9)
-"""Rows of the state: reference configuration, model of the arm's position and velocity, bounds
-on its velocity, by how much it has parted from the model of late, a falling maximum of the
-commanded speed, the last position that was measured, and one that nobody believes yet."""
-STATES = 9
-
-
-@njit(
-    void(float64, float64, COLUMN, ROWS, int64, FIXED, FIXED, float64, float64, ROWS), cache=True
-)
-def advance(now, passed, times, commands, head, delay, lag, hold, period, state):  # type: ignore[no-untyped-def]
-    """Let the model of the arm go on by the time that has passed.
-
-    Parameters
-    ----------
-    now, passed
-        The time [s] after that, and how much has passed [s].
-    times, commands, head
-        The commands.
-    delay, lag, hold
-        What the arm is like: (n,), (n,) and one value [s].
-    period
-        Time [s] of one step.
-    state
-        The rows `P`, `V`, `V_HIGH`, `V_LOW` are changed.
-    """
-    m, n = commands.shape
-    sliver = SLIVER * period
-    for i in range(n):
-        p, v = state[P, i], state[V, i]
-        begin, end = now - passed - delay[i], now - delay[i]
-        high, low = 0.0, 0.0
-        for k in range(m):
-            j = (head + 1 + k) % m
-            after = times[(j + 1) % m] if j != head else math.inf
-            if hold > 0.0 and after > begin - hold + sliver and times[j] < end - sliver:
-                high, low = max(high, commands[j, i]), min(low, commands[j, i])
-            start, stop = max(begin, times[j]), min(end, after)
-            if stop - start <= sliver:
-                continue
-            u, span = commands[j, i], stop - start
-            # Steps of equal length are the period itself, free of rounding.
-            if abs(span - period) <= sliver:
-                span = period
-            if lag[i] > 0.0:
-                left = u + (v - u) * math.exp(-span / lag[i])
-                p += u * span + lag[i] * (v - left)
-                v = left
-            else:
-                p += span * u
-                v = u
-        state[P, i], state[V, i] = p, v
-        if hold > 0.0:
-            left = math.exp(-passed / lag[i]) if lag[i] > 0.0 else 0.0
-            state[V_HIGH, i] = high + (state[V_HIGH, i] - high) * left
-            state[V_LOW, i] = low + (state[V_LOW, i] - low) * left
-        else:
-            state[V_HIGH, i] = state[V_LOW, i] = v
-
-
-@njit(void(float64, COLUMN, ROWS, int64, FIXED, FIXED, float64, ROWS), cache=True)
-def refer(now, times, commands, head, delay, lag, period, state):  # type: ignore[no-untyped-def]
-    """Fill the row `Z`: where the arm gets to with what was sent, before the next command."""
-    m, n = commands.shape
-    sliver = SLIVER * period
-    for i in range(n):
-        z = state[P, i]
-        if lag[i] > 0.0:
-            z += lag[i] * state[V, i]
-        if delay[i] > 0.0:
-            for k in range(m):
-                j = (head + 1 + k) % m
-                after = times[(j + 1) % m] if j != head else now
-                span = min(now, after) - max(now - delay[i], times[j])
-                if span > sliver:
-                    z += commands[j, i] * (period if abs(span - period) <= sliver else span)
-        state[Z, i] = z
-
-
-@njit(
-    void(
-        float64,
-        COLUMN,
-        ROWS,
-        int64,
-        FIXED,
-        FIXED,
-        float64,
-        float64,
-        float64,
-        ROWS,
-        COLUMN,
-        COLUMN,
-        ROWS,
-        ROWS,
-    ),
-    cache=True,
-)
-def farthest(  # type: ignore[no-untyped-def]
-    now,
-    times,
-    commands,
-    head,
-    delay,
-    lag,
-    hold,
-    period,
-    step,
-    state,
-    upper,
-    lower,
-    held_upper,
-    held_lower,
-):
-    """How far the arm may get with what was sent.
-
-    Parameters
-    ----------
-    now, times, commands, head, delay, lag, hold, period, state
-        As `advance`.
-    step
-        Time [s] of a step from now on. Steps that are late by no more than ``hold`` belong to
-        that.
-    upper, lower
-        Results (n,): the highest and the lowest position that the joints may get to, the
-        window of the next command not counted.
-    held_upper, held_lower
-        Results (h, n): the highest and the lowest velocity that the commands before the next
-        one may still have in the step that it is meant for and the ``h - 1`` after.
-    """
-    m, n = commands.shape
-    sliver = SLIVER * period
-    for i in range(n):
-        if hold == 0.0:
-            upper[i] = lower[i] = state[Z, i]
-            continue
-        upper[i] = state[P, i] + lag[i] * max(state[V_HIGH, i], 0.0)
-        lower[i] = state[P, i] + lag[i] * min(state[V_LOW, i], 0.0)
-        steps = math.ceil(delay[i] / period - SLIVER)
-        for s in range(-steps, held_upper.shape[0]):
-            high, low = 0.0, 0.0
-            for k in range(m):
-                j = (head + 1 + k) % m
-                after = times[(j + 1) % m] if j != head else now
-                begun = times[j] < now + (s + 1) * period - sliver
-                if begun and after > now + s * period - hold + sliver:
-                    high, low = max(high, commands[j, i]), min(low, commands[j, i])
-            if s < 0:
-                upper[i] += period * high
-                lower[i] += period * low
-            else:
-                held_upper[s, i], held_lower[s, i] = high, low
-
-
-@njit(
-    boolean(
-        float64,
-        COLUMN,
-        ROWS,
-        int64,
-        FIXED,
-        FIXED,
-        float64,
-        float64,
-        float64,
-        FIXED,
-        COLUMN,
-        ROWS,
-        FIXED,
-        FIXED,
-        COLUMN,
-        COLUMN,
-        COLUMN,
-        COLUMN,
-    ),
-    cache=True,
-)
-def line(  # type: ignore[no-untyped-def]
-    now,
-    times,
-    commands,
-    head,
-    delay,
-    lag,
-    hold,
-    period,
-    step,
-    acceleration,
-    command,
-    state,
-    position_min,
-    position_max,
-    start,
-    way,
-    tube,
-    span,
-):
-    """Straight line along which the arm moves from now on until it has braked to rest.
-
-    Whatever is carried out when, and how late, the arm stays within ``tube`` of a point of
-    ``start + s way`` with s from 0 to 1. All joints brake together; a joint that has to stop
-    before because its range ends does.
-
-    Parameters
-    ----------
-    now, times, commands, head, delay, lag, hold, period, state
-        As `advance`.
-    step
-        Time [s] of a step from now on.
-    acceleration
-        Limits (n,), in changes of velocity by ``step``.
-    command
-        Velocities (n,) of the next command.
-    position_min, position_max
-        Ranges (n,).
-    start, way, tube
-        Results (n,).
-    span
-        Spare array (n,).
-
-    Returns
-    -------
-    bool
-        Whether the arm moves at all.
-    """
-    m, n = commands.shape
-    sliver = SLIVER * period
-    late, soon, slow, lagging = 0.0, math.inf, 0.0, False
-    for i in range(n):
-        late, soon = max(late, delay[i]), min(soon, delay[i])
-        slow = max(slow, delay[i] + lag[i])
-        lagging = lagging or lag[i] > 0.0
-    exact = hold == 0.0 and not lagging and late == soon
-    # The direction: that of the command, or of what is still carried out if that is faster.
-    fastest = 0.0
-    for i in range(n):
-        way[i] = command[i]
-        fastest = max(fastest, abs(command[i]))
-    if not exact:
-        best, index = 10.0 * fastest, -1
-        for k in range(m):
-            j = (head + 1 + k) % m
-            after = times[(j + 1) % m] if j != head else now
-            if after > now - late - hold + sliver:
-                size = 0.0
-                for i in range(n):
-                    size = max(size, abs(commands[j, i]))
-                if size > best:
-                    best, index = size, j
-        size = 0.0
-        for i in range(n):
-            size = max(size, abs(state[V, i]) if lag[i] > 0.0 else 0.0)
-        if size > best:
-            best, index = size, m
-        if index >= 0:
-            for i in range(n):
-                way[i] = state[V, i] if index == m else commands[index, i]
-    square = 0.0
-    for i in range(n):
-        square += way[i] * way[i]
-        tube[i] = 0.0
-        start[i] = state[Z, i] if exact else state[P, i]
-    if square == 0.0:
-        return False
-    # What the command itself does: a step, the time for which it may be held, and braking.
-    slowest = 0.0
-    for i in range(n):
-        if command[i] != 0.0:
-            slowest = max(slowest, math.ceil(abs(command[i]) / (acceleration[i] * step) - 1e-9))
-    held = period * (1.0 + math.ceil(hold / period - SLIVER))
-    future = max(step, held) + 0.5 * step * max(slowest - 1.0, 0.0)
-    share = 0.0
-    for i in range(n):
-        share += command[i] * way[i]
-    share /= square
-    ahead, behind = max(share, 0.0) * future, max(-share, 0.0) * future
-    for i in range(n):
-        tube[i] += future * abs(command[i] - share * way[i])
-        if not exact:
-            tube[i] += (slow - delay[i] - lag[i]) * abs(command[i])
-    if not exact:
-        # What the lag keeps back.
-        share = 0.0
-        for i in range(n):
-            share += lag[i] * state[V, i] * way[i]
-        share /= square
-        ahead, behind = ahead + max(share, 0.0), behind + max(-share, 0.0)
-        for i in range(n):
-            tube[i] += abs(lag[i] * state[V, i] - share * way[i])
-            spread = max(state[V_HIGH, i] - state[V, i], state[V, i] - state[V_LOW, i])
-            tube[i] += lag[i] * max(spread, 0.0)
-        # Commands that are under way, or may still be held.
-        steps = math.ceil((late + hold) / period - SLIVER)
-        for s in range(steps):
-            for i in range(n):
-                span[i] = 0.0
-            most, least = 0.0, 0.0
-            for k in range(m):
-                j = (head + 1 + k) % m
-                after = times[(j + 1) % m] if j != head else now
-                if after <= now + s * period - late - hold + sliver:
-                    continue
-                if hold == 0.0 and times[j] >= now + (s + 1) * period - soon - sliver:
-                    continue
-                share = 0.0
-                for i in range(n):
-                    share += commands[j, i] * way[i]
-                share /= square
-                most, least = max(most, share), min(least, share)
-                for i in range(n):
-                    span[i] = max(span[i], abs(commands[j, i] - share * way[i]))
-            ahead, behind = ahead + period * most, behind - period * least
-            for i in range(n):
-                tube[i] += period * span[i]
-    for i in range(n):
-        start[i] -= behind * way[i]
-        way[i] *= ahead + behind
-        end = start[i] + way[i]
-        over = max(end - max(position_max[i], start[i]), min(position_min[i], start[i]) - end)
-        if over > 0.0:
-            tube[i] += over
-    return True
-
-
-@njit(int64(COLUMN, COLUMN, COLUMN, COLUMN, float64[:, ::1], boolean[::1]), cache=True)
-def line_doubts(way, tube, distance, required, reach, doubtful):  # type: ignore[no-untyped-def]
-    """Find distances (k,) that could become too small along a line, and how many they are."""
-    count = 0
-    for row in range(distance.size):
-        length = 0.0
-        for i in range(way.size):
-            length += reach[row, i] * (abs(way[i]) + 2.0 * tube[i])
-        doubtful[row] = distance[row] - required[row] < length
-        count += doubtful[row]
-    return count
-
-
-@njit(void(COLUMN, float64[:, ::1], COLUMN, COLUMN), cache=True)
-def lengths(way, reach, most, bend):  # type: ignore[no-untyped-def]
-    """Bounds on what distances (k,) do while velocities of constant direction act.
-
-    Parameters
-    ----------
-    way, reach
-        How far each velocity leads (n,), and the bound (k, n) on the derivative of the distances.
-    most
-        Result (k,): no distance changes by more.
-    bend
-        Result (k,): no point of a link is farther from the straight line between its places,
-        in any one direction. The second derivative by joints i and j is no larger than the
-        reach of either.
-    """
-    for row in range(most.size):
-        first, second = 0.0, 0.0
-        for i in range(way.size):
-            move = abs(way[i])
-            first += reach[row, i] * move
-            for j in range(way.size):
-                second += min(reach[row, i], reach[row, j]) * move * abs(way[j])
-        most[row], bend[row] = first, 0.125 * second
 
 
 @njit(
@@ -500,66 +133,16 @@ def correct(  # type: ignore[no-untyped-def]
 
 
 @njit(
-    void(
-        float64,
-        COLUMN,
-        ROWS,
-        int64,
-        FIXED,
-        FIXED,
-        float64,
-        boolean,
-        boolean,
-        float64,
-        float64,
-        ROWS,
-        COLUMN,
-        COLUMN,
-        ROWS,
-        ROWS,
-    ),
-    cache=True,
-)
-def expect(  # type: ignore[no-untyped-def]
-    now,
-    times,
-    commands,
-    head,
-    delay,
-    lag,
-    hold,
-    exact,
-    ideal,
-    period,
-    step,
-    state,
-    upper,
-    lower,
-    held_upper,
-    held_lower,
-):
-    """Fill the row `Z`, and for an arm that is not ideal how far it may get; as `follow`."""
-    if exact:
-        for i in range(upper.size):
-            state[Z, i] = state[P, i]
-    else:
-        refer(now, times, commands, head, delay, lag, period, state)
-    if not ideal:
-        farthest(
-            now, times, commands, head, delay, lag, hold, period, step, state, upper, lower,
-            held_upper, held_lower,
-        )  # fmt: skip
-
-
-@njit(
     int64(
         COLUMN,
         float64,
+        int64,
+        float64,
+        FIXED,
+        COLUMN,
         float64,
         COLUMN,
         ROWS,
-        int64,
-        FIXED,
         FIXED,
         FIXED,
         FIXED,
@@ -567,9 +150,7 @@ def expect(  # type: ignore[no-untyped-def]
         boolean,
         boolean,
         float64,
-        float64,
         FIXED,
-        COLUMN,
         ROWS,
         COLUMN,
         COLUMN,
@@ -583,11 +164,13 @@ def expect(  # type: ignore[no-untyped-def]
 def follow(  # type: ignore[no-untyped-def]
     q,
     now,
+    head,
+    step,
+    limit,
+    before,
     passed,
     times,
     commands,
-    head,
-    limit,
     delay,
     lag,
     noise,
@@ -595,9 +178,7 @@ def follow(  # type: ignore[no-untyped-def]
     ideal,
     exact,
     period,
-    step,
     tolerances,
-    before,
     state,
     result,
     upper,
@@ -605,7 +186,7 @@ def follow(  # type: ignore[no-untyped-def]
     held_upper,
     held_lower,
 ):
-    """Go on to a measured position (n,): `advance`, `judge`, `correct`, `refer` and `farthest`.
+    """Go on to a measured position (n,): `advance`, `judge`, `correct` and `expect`.
 
     Parameters
     ----------
@@ -644,6 +225,99 @@ def follow(  # type: ignore[no-untyped-def]
         q, passed, command, noise, tolerances[3], tolerances[4], tolerances[5], ideal, period,
         tolerances[6], before, state, result,
     )  # fmt: skip
+    expect(
+        now, times, commands, head, delay, lag, hold, exact, ideal, period, step, state, upper,
+        lower, held_upper, held_lower,
+    )  # fmt: skip
+    return 1
+
+
+@njit(
+    int64(
+        COLUMN,
+        float64,
+        int64,
+        float64,
+        FIXED,
+        COLUMN,
+        boolean,
+        COLUMN,
+        COLUMN,
+        ROWS,
+        FIXED,
+        FIXED,
+        float64,
+        boolean,
+        boolean,
+        float64,
+        float64,
+        ROWS,
+        COLUMN,
+        COLUMN,
+        ROWS,
+        ROWS,
+    ),
+    cache=True,
+    prepared=True,
+)
+def begin(  # type: ignore[no-untyped-def]
+    q,
+    now,
+    head,
+    step,
+    limit,
+    before,
+    moves,
+    qd,
+    times,
+    commands,
+    delay,
+    lag,
+    hold,
+    ideal,
+    exact,
+    period,
+    highest,
+    state,
+    upper,
+    lower,
+    held_upper,
+    held_lower,
+):
+    """Begin at a measured position (n,).
+
+    Parameters
+    ----------
+    q, now, head, step, limit, times, commands, delay, lag, hold, ideal, exact, period, state
+        As `follow`.
+    moves, qd
+        Whether the measured velocities (n,) count. If they are finite the arm was commanded to
+        move so all the time, no joint faster than its limit.
+    highest
+        Position [rad, m] that no joint exceeds.
+    before
+        Result (n,): the velocities, where they count.
+    upper, lower, held_upper, held_lower
+        Results, as those of `farthest`.
+
+    Returns
+    -------
+    int
+        0 if no joint can be at such a position, and nothing was done then; 1 otherwise.
+    """
+    known = moves
+    for i in range(q.size):
+        if not abs(q[i]) <= highest:
+            return 0
+        known = known and math.isfinite(qd[i])
+    for i in range(q.size):
+        state[Z, i] = state[P, i] = state[Q, i] = q[i]
+        if known:
+            # A joint that says more than it can do does not say the truth.
+            speed = min(max(qd[i], -limit[i]), limit[i])
+            before[i] = state[V, i] = state[V_HIGH, i] = state[V_LOW, i] = speed
+            for k in range(commands.shape[0]):
+                commands[k, i] = speed
     expect(
         now, times, commands, head, delay, lag, hold, exact, ideal, period, step, state, upper,
         lower, held_upper, held_lower,

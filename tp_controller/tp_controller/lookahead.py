@@ -104,9 +104,9 @@ class Lookahead:
     @cached_property
     def _compiled(self) -> tuple[Any, Any]:
         """Modules that are compiled, or loaded, for arms that move."""
-        from tp_controller import braking, following
+        from tp_controller import braking, braking_line
 
-        return braking, following
+        return braking, braking_line
 
     def keep(self) -> None:
         """Let `undo` lead to the present state."""
@@ -254,9 +254,9 @@ class Lookahead:
         first, last
             The distances (k,) there; these are infinite for rows that do not count.
         """
-        braking, following = self._compiled
+        braking, braking_line = self._compiled
         begin, finish, before, after, gone, going = stretch
-        following.lengths(going - gone, self._reach, self._most, self._bend)
+        braking_line.lengths(going - gone, self._reach, self._most, self._bend)
         short = 0.5 * (first + last - self._most) < self._required
         if not short.any():
             return True

@@ -7,7 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tp_controller.arm import BACK, FARTHEST, JUMP, JUMP_LEAST, PARTED, RESPONSE
+from tp_controller.arm_chart import FARTHEST
+from tp_controller.arm_judgement import BACK, JUMP, JUMP_LEAST, PARTED, RESPONSE
 from tp_controller.errors import InvalidValue, UnusableState, shown
 from tp_controller.stack import Stack, Step
 

@@ -113,7 +113,7 @@ class SafetyFilter:
     @property
     def memory(self) -> tuple[object, ...]:
         """Objects whose attributes are all that the filter remembers."""
-        return (self, self.arm, self._ahead, self.transition)
+        return (self, *self.arm.memory, self._ahead, self.transition)
 
     @property
     def last_bounds(self) -> Bounds:

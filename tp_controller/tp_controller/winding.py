@@ -30,7 +30,8 @@ def wound(
     q
         Configuration (nq,) [rad, m] at which the first of them acts.
     now, times, commands, head, delay
-        Time [s], the ring of commands and the delays (n,) [s], see `tp_controller.following`.
+        Time [s], the ring of commands and the delays (n,) [s], see
+        `tp_controller.commands_under_way`.
     """
     m = times.size
     for k in range(m):
