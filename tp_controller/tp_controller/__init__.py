@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from tp_controller.safety_filter import SafetyFilter
     from tp_controller.solution import LevelSolution, Solution, solve
     from tp_controller.solvers import Inverse, Solver, solver_of
-    from tp_controller.stack import LevelResult, Stack, Step
+    from tp_controller.stack import Stack
+    from tp_controller.step_results import LevelResult, Step
     from tp_controller.tasks import (
         FrameTask,
         GazeTask,
@@ -106,6 +107,7 @@ _MODULES = (
     'safety_filter',
     'explanation',
     'blending',
+    'step_results',
     'stack',
     'config',
 )

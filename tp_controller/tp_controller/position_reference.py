@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from tp_controller.arm_chart import FARTHEST
 from tp_controller.arm_judgement import BACK, JUMP, JUMP_LEAST, PARTED, RESPONSE
 from tp_controller.errors import InvalidValue, UnusableState, shown
-from tp_controller.stack import Stack, Step
+from tp_controller.stack import Stack
+from tp_controller.step_results import Step
 
 Vector = NDArray[np.float64]
 

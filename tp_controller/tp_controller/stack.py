@@ -3,103 +3,27 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from functools import partial
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import chain
-from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tp_controller.aims import Aims
 from tp_controller.arm import Arm
 from tp_controller.errors import InvalidValue, UnusableState, shown
-from tp_controller.hierarchy import all_set_based, named_tasks, split_hierarchy
-from tp_controller.problem import Problem, joined
+from tp_controller.hierarchy import named_tasks
+from tp_controller.problem import Problem
 from tp_controller.robot import Limits, Robot, State
 from tp_controller.safety_filter import SafetyFilter
-from tp_controller.snapshot import unchanged
-from tp_controller.solvers import Bounds, Curvature, Solver, solver_of
-from tp_controller.tasks import SetBasedTask, Task
-
-if TYPE_CHECKING:
-    from tp_controller.tasks.compiled import CompiledRows
+from tp_controller.solvers import Solver, solver_of
+from tp_controller.stacked_rows import StackedRows
+from tp_controller.step_results import Rows, Step, System, read_only
+from tp_controller.stepping import Stepper
+from tp_controller.task_levels import TaskLevels
+from tp_controller.tasks import Task
 
 Vector = NDArray[np.float64]
-Matrix = NDArray[np.float64]
-
-KEPT = 1e-7
-"""A row of a set-based task [m/s, rad/s] that is missed by less is kept."""
-ENDLESS = 1e12
-"""Speed [rad/s, m/s] that stands for any."""
-
-
-class LevelResult(NamedTuple):
-    """What one level asked for and got in the last step."""
-
-    tasks: tuple[str, ...]
-    """Names of the level's tasks, in the order of their rows."""
-    requested: Vector
-    """Desired task velocity (k,) [m/s, rad/s]."""
-    achieved: Vector
-    """Task velocity of the command (k,) [m/s, rad/s]."""
-
-
-class Rows(NamedTuple):
-    """All rows of the hierarchy; arrays that steps write to until the hierarchy changes."""
-
-    parts: Mapping[str, slice]
-    """Which rows belong to each task, by name."""
-    J: Matrix
-    """Jacobian (K, n)."""
-    requested: Vector
-    """Desired task velocity (K,)."""
-
-
-class System(NamedTuple):
-    """One level of the last step, row by row."""
-
-    J: Matrix
-    """Jacobian (k, n)."""
-    counts: NDArray[np.bool_]
-    """Whether each row was resolved (k,); bounds that nothing breaks are not."""
-    requested: Vector
-    """Desired task velocity (k,)."""
-    answered: Vector
-    """Task velocity of the solver's answer (k,)."""
-    achieved: Vector
-    """Task velocity of the command (k,), which the safety filter may have changed."""
-
-
-Layout = list[tuple[tuple[str, ...], slice, slice]]
-"""Names of the tasks of every level, and where a step has what it asked for and got."""
-
-
-class Step:
-    """Result of one step.
-
-    Attributes
-    ----------
-    command
-        Joint velocity (n,) [rad/s, m/s].
-    scale
-        What the velocity limits cost, see `Solver.solve`; 1 if none was reached.
-    """
-
-    __slots__ = ('_answers', '_layout', 'command', 'scale')
-
-    def __init__(self, answers: Vector, n: int, scale: float, layout: Layout) -> None:
-        self._answers, self._layout = answers, layout
-        self.command, self.scale = answers[:n], scale
-
-    @property
-    def levels(self) -> tuple[LevelResult, ...]:
-        """One result per level, highest first."""
-        found = self._answers
-        levels = [
-            LevelResult(names, found[asked], found[got]) for names, asked, got in self._layout
-        ]
-        return tuple(levels)
 
 
 class Stack:
@@ -148,27 +72,34 @@ class Stack:
         period = math.inf if rate is None else 1.0 / rate
         members = [[level] if isinstance(level, Task) else list(level) for level in levels]
         self.robot = robot
-        self.settle = settle
         self._solver = solver_of(solver, robot.n) if isinstance(solver, str) else solver
         self.tasks = named_tasks(robot, chain(tasks, *members), period)
-        self._unaimed = [task for task in self.tasks.values() if task.target_size]
-        self._just_aimed: list[Task] = []
-        self._targets: dict[str, Vector] | None = None
+        self._aims = Aims(self.tasks.values())
         self.safety_filter = SafetyFilter(robot, period)
-        self._qd, self._wish, self._fastest = np.zeros((3, robot.n))
-        self._members: list[list[Task]] = []
-        self._listed: list[list[str]] = []
-        self._stand_in: tuple[Task, tuple[str, ...]] | None = None
-        self._transition_time = 0.0
+        self._levels = TaskLevels(self.tasks)
+        names = [' + '.join(task.name for task in level) for level in members]
+        acting = self._levels.checked(names, self._solver)
+        self._levels.adopt(names)
+        rows = self._placed(acting, (), np.zeros(robot.n))
+        self._stepper = Stepper(robot, self.safety_filter, self._aims, rows, self._solver, settle)
+        self.safety_filter.watch(rows.kept)
         for task in self.tasks.values():
             task.changed = self._follow_task
-        self.hierarchy = [' + '.join(task.name for task in level) for level in members]
         self.transition_time = transition_time
+
+    @property
+    def settle(self) -> bool:
+        """Whether levels that cannot get what they ask for come to rest."""
+        return self._stepper.settle
+
+    @settle.setter
+    def settle(self, settle: bool) -> None:
+        self._stepper.settle = settle
 
     @property
     def members(self) -> Sequence[Sequence[Task]]:
         """Tasks by level, highest first, without those that are off."""
-        return tuple(tuple(tasks) for tasks in self._members)
+        return tuple(tuple(tasks) for tasks in self._stepper.rows.levels)
 
     @property
     def hierarchy(self) -> Sequence[str]:
@@ -177,7 +108,7 @@ class Stack:
         Tasks that are not `Task.enabled` keep their place, as if they were not listed; a level
         without any other is left out, and without a level the arm rests.
         """
-        return tuple(' + '.join(names) for names in self._listed)
+        return self._levels.hierarchy
 
     @hierarchy.setter
     def hierarchy(self, hierarchy: Sequence[str]) -> None:
@@ -220,9 +151,8 @@ class Stack:
         for name, on in (enabled or {}).items():
             self.tasks[name].switch(on)
         self._solver = self._solver if solver is None else solver
-        self._listed = split_hierarchy(hierarchy, self.tasks)
-        self._arrange(self._taken_over(members))
-        self.begin_transition()
+        self._levels.adopt(hierarchy)
+        self._arrange(self._levels.acting(members))
 
     def take_over(self, task: Task, names: Sequence[str]) -> None:
         """Let a task act in place of some levels, as a transition, until `give_back`.
@@ -246,56 +176,60 @@ class Stack:
         """
         if task.name in self.tasks:
             raise InvalidValue('task', f'{shown(task.name)}, which the stack has', 'a new name')
-        before, self._stand_in = self._stand_in, (task, tuple(names))
+        before, self._levels.stand_in = self._levels.stand_in, (task, tuple(names))
         try:
-            members = self._taken_over(self.check_hierarchy(self.hierarchy))
+            members = self._levels.acting(self.check_hierarchy(self.hierarchy))
             self.solver.check(members, None)
         except InvalidValue:
-            self._stand_in = before
+            self._levels.stand_in = before
             raise
         if task.period != self.safety_filter.period:
             task.know_period(self.safety_filter.period)
-        if task.target is None and task not in self._unaimed:
-            self._unaimed.append(task)
+        if task.target is None:
+            self._aims.add(task)
         self._arrange(members)
-        self.begin_transition()
 
     def give_back(self) -> None:
         """Let the levels act again that a task took the place of, as a transition."""
-        if self._stand_in is not None:
-            task = self._stand_in[0]
-            self._stand_in = None
-            self._unaimed = [other for other in self._unaimed if other is not task]
+        task = self.stand_in
+        if task is not None:
+            self._levels.stand_in = None
+            self._aims.remove(task)
             task.leave()
             self.rearrange()
 
     @property
     def stand_in(self) -> Task | None:
         """Task that acts in place of levels, None if there is none."""
-        return None if self._stand_in is None else self._stand_in[0]
-
-    def _taken_over(self, members: list[list[Task]]) -> list[list[Task]]:
-        """Levels with the stand-in, if there is one, in the place of those that it stands for."""
-        if self._stand_in is None:
-            return members
-        task, names = self._stand_in
-        first = min(
-            (i for i, level in enumerate(members) if any(one.name in names for one in level)),
-            default=len(members),
-        )
-        left = [one for level in members[first:] for one in level if one.set_based]
-        return [*members[:first], *([left] if left else []), [task]]
+        return None if self._levels.stand_in is None else self._levels.stand_in[0]
 
     def _follow_task(self) -> None:
         """Follow a task whose gain has changed, or which was switched on or off."""
-        on = [task for task in self._in_order() if task.enabled]
-        if self._stand_in or on != list(chain.from_iterable(self._members)):
+        if self._levels.stand_in or list(self._levels.on) != self._stepper.rows.tasks:
             self.rearrange()
         else:
             self.begin_transition()
 
-    def _in_order(self) -> Iterator[Task]:
-        return (self.tasks[name] for name in chain.from_iterable(self._listed))
+    def _arrange(self, members: Sequence[Sequence[Task]]) -> None:
+        """Step with levels, which pass `check_hierarchy`, from now on; as a transition."""
+        before = self._stepper.rows
+        rows = self._placed(members, before.tasks, before.command)
+        self._stepper.use(rows, self._solver)
+        self.safety_filter.watch(rows.kept)
+        self.begin_transition()
+
+    def _placed(
+        self, members: Sequence[Sequence[Task]], before: Iterable[Task], command: Vector
+    ) -> StackedRows:
+        """Rows of levels; tasks that were not in the levels before begin anew."""
+        new = list(chain.from_iterable(members))
+        # Who stays goes on as it is: rows that are in stay in.
+        stays = set(before) & set(new)
+        for task in (self.tasks | {task.name: task for task in new}).values():
+            if task not in stays:
+                task.leave()
+                task.place(np.zeros_like(task.J), np.zeros(task.k))
+        return StackedRows(self.robot, members, command)
 
     @property
     def transition_time(self) -> float:
@@ -322,75 +256,6 @@ class Stack:
         """Whether a transition is under way."""
         return self.safety_filter.transition.under_way
 
-    def _arrange(self, members: list[list[Task]]) -> None:
-        """Take over levels, which pass `check_hierarchy`."""
-        # Who stays goes on as it is: rows that are in stay in.
-        stays = set(chain.from_iterable(self._members)) & set(chain.from_iterable(members))
-        new = {task.name: task for task in chain.from_iterable(members)}
-        for task in {**self.tasks, **new}.values():
-            if task not in stays:
-                task.leave()
-                task.place(np.zeros_like(task.J), np.zeros(task.k))
-        self._members = members
-        self._rows: dict[str, slice] = {}
-        k = 0
-        for task in chain.from_iterable(members):
-            self._rows[task.name] = slice(k, k + task.k)
-            k += task.k
-        # Tasks write their rows of the whole system themselves; nothing is copied per cycle.
-        self._J = np.zeros((k, self.robot.n))
-        # One array of all that a step answers with: results of their own are one copy.
-        n = self.robot.n
-        self._answers = np.concatenate([self._qd, np.zeros(2 * k)])
-        self._qd, self._command = self._answers[:n], _read_only(self._answers[:n])
-        self._velocity, self._achieved = self._answers[n : n + k], self._answers[n + k :]
-        known = np.zeros((3, k))
-        self._errors, self._feedforward = known[:2]
-        self._ranked = list(chain.from_iterable(members))
-        self._own: list[tuple[Task, Vector, Vector]] = []
-        for task in self._ranked:
-            rows = self._rows[task.name]
-            # Rows that come and go have no error that anything converges to.
-            task.place(self._J[rows], np.zeros(task.k) if task.set_based else self._errors[rows])
-            if not task.parts:
-                self._own.append((task, self._velocity[rows], self._feedforward[rows]))
-        self._compiled: CompiledRows | None = None
-        self._bent = [
-            (task, self._rows[task.name])
-            for task in self._ranked
-            if not (task.parts or task.set_based)
-        ]
-        self._layout: Layout = []
-        for tasks in members:
-            rows = self._level_rows(tasks)
-            asked = slice(n + rows.start, n + rows.stop)
-            got = slice(asked.start + k, asked.stop + k)
-            self._layout.append((tuple(task.name for task in tasks), asked, got))
-        self._bounding = [task for task in self._ranked if isinstance(task, SetBasedTask)]
-        above = next((i for i, level in enumerate(members) if not all_set_based(level)), k)
-        guarded = [self._level_rows(level) for level in members[:above]]
-        # Rows that are to keep distances whatever else is asked for.
-        self._guarded = slice(0, guarded[-1].stop if guarded else 0)
-        bends = [np.zeros(task.k) if task.set_based else task.bend for task in self._ranked]
-        known[2] = np.concatenate([*bends, np.zeros(0)])
-        self._curvature = Curvature(known, np.zeros((k, n, n)), self._fill_hessians)
-        self.rows = Rows(self._rows, self._J, self._velocity)
-        """Rows of the last step, to be read."""
-        self._shown = _read_only(self._answers)
-        self.prepare_solver()
-        self.safety_filter.watch(self._kept())
-
-    def _kept(self) -> Iterator[SetBasedTask]:
-        """Tasks whose distances are kept whatever happens: those above all that always act."""
-        for members in self._members:
-            bounds = [task for task in members if isinstance(task, SetBasedTask)]
-            if len(bounds) < len(members) or not all(task.one_sided for task in bounds):
-                return
-            yield from bounds
-
-    def _level_rows(self, tasks: Sequence[Task]) -> slice:
-        return slice(self._rows[tasks[0].name].start, self._rows[tasks[-1].name].stop)
-
     def forget_targets(self, known: Mapping[str, Vector] | None = None) -> None:
         """Let the tasks of the hierarchy take their values at the next step as targets.
 
@@ -402,7 +267,7 @@ class Stack:
             Targets by name, as `Task.settings` has them; tasks that have another one by now
             keep it. When left out none does.
         """
-        for task in self._ranked:
+        for task in self._stepper.rows.tasks:
             if task.set_based or not task.target_size:
                 continue
             if known is None or task.settings[0] is known.get(task.name):
@@ -417,13 +282,12 @@ class Stack:
             task.hold()
             return
         task.forget_target()
-        if task not in self._unaimed:
-            self._unaimed.append(task)
+        self._aims.add(task)
 
     @property
     def held(self) -> bool:
         """Whether `hold` keeps the arm at rest."""
-        return self._targets is not None
+        return self._aims.targets is not None
 
     def hold(self) -> None:
         """Bring the arm to rest inside its limits from the next step on, and keep it there.
@@ -431,8 +295,7 @@ class Stack:
         Every step then answers with the next command of the braking trajectory, and with zero
         once that has ended. Targets, settings, limits and the hierarchy may change meanwhile.
         """
-        if self._targets is None:
-            self._targets = {name: task.settings[0] for name, task in self.tasks.items()}
+        self._aims.hold(self.tasks)
 
     def resume(self, targets: bool = False) -> None:
         """Let the tasks move the arm again, from the velocity that it has by then.
@@ -443,48 +306,35 @@ class Stack:
             Whether the targets from before count. If not, the tasks of the hierarchy take their
             values at the next step, obstacles excepted. Targets set since `hold` always count.
         """
-        if self._targets is not None and not targets:
-            self.forget_targets(self._targets)
-        self._targets = None
+        if self._aims.targets is not None and not targets:
+            self.forget_targets(self._aims.targets)
+        self._aims.targets = None
 
     @property
     def resting(self) -> bool:
         """Whether steps bring the arm to rest: it is `held`, or there is no level."""
-        return self.held or not self._members
+        return self._stepper.resting
 
     @property
     def at_rest(self) -> bool:
         """Whether the last command is zero, and the arm has nothing left of earlier ones."""
-        return not self._qd.any() and self.arm.settled
+        return not self._stepper.rows.command.any() and self.arm.settled
 
     def add(self, task: Task) -> None:
         """Load a task of a new name, outside the hierarchy."""
         self.tasks[task.name] = task
         task.changed = self._follow_task
-        if task.target_size:
-            self._unaimed.append(task)
+        self._aims.add(task)
 
     def remove(self, name: str) -> None:
         """Forget a task outside the hierarchy."""
         task = self.tasks.pop(name)
         task.changed = _nothing
-        self._unaimed = [other for other in self._unaimed if other is not task]
+        self._aims.remove(task)
 
     def prepare_solver(self) -> None:
         """Tell the solver of the levels, and of their tasks' weights and inverses."""
-        self.solver.prepare(self._members, self._jacobian_at)
-        # What overflows is not finite and refused in the end. Compiled code does not warn.
-        self._quiet: Callable[[], AbstractContextManager[None]] = (
-            nullcontext
-            if self.solver.compiled and not self._own
-            else partial(np.errstate, over='ignore', invalid='ignore')
-        )
-        for task in self._ranked:
-            if isinstance(task, SetBasedTask):
-                acting = self.solver.acting[self._rows[task.name]]
-                # Who stays goes on as it is until the next step.
-                acting[:] = task.acting
-                task.acting = acting
+        self._stepper.use(self._stepper.rows, self._solver)
 
     def prepare_limits(self, limits: Limits) -> Callable[[], None]:
         """Check limits that the robot is to have; nothing has changed yet.
@@ -515,19 +365,6 @@ class Stack:
 
         return apply
 
-    def _jacobian_at(self, q: Vector) -> Matrix:
-        """Stacked Jacobian (K, n) after the robot was moved to ``q`` (nq,)."""
-        self.robot.update(q)
-        self._fill()
-        return self._J
-
-    def _fill_hessians(self) -> None:
-        hessians = self._curvature.hessians
-        if self._compiled is not None:
-            self._compiled.fill_hessians(hessians)
-        for task, rows in self._bent:
-            task.hessian(hessians[rows])
-
     def check_hierarchy(
         self,
         hierarchy: Sequence[str],
@@ -556,35 +393,16 @@ class Stack:
         InvalidValue
             If a name is unknown, a task stands twice or the solver cannot resolve the levels.
         """
-        tasks = self.tasks if tasks is None else tasks
-        on = {name: task.enabled for name, task in tasks.items()} | dict(enabled or {})
-        levels = split_hierarchy(hierarchy, tasks)
-        members = [[tasks[name] for name in names if on[name]] for names in levels]
-        members = [level for level in members if level]
-        if members:
-            (solver or self.solver).check(members, damping)
-        return members
+        return self._levels.checked(hierarchy, solver or self._solver, damping, tasks, enabled)
+
+    @property
+    def rows(self) -> Rows:
+        """Rows of the last step, to be read."""
+        return self._stepper.rows.told
 
     def systems(self) -> list[System]:
         """What every level was in the last step."""
-        counts = np.repeat(
-            [not task.one_sided for task in self._ranked],
-            [task.k for task in self._ranked],
-        )
-        answered = self._J @ self._wish
-        found = []
-        for tasks in self._members:
-            rows = self._level_rows(tasks)
-            found.append(
-                System(
-                    self._J[rows].copy(),
-                    counts[rows] | self.solver.acting[rows],
-                    self._velocity[rows].copy(),
-                    answered[rows],
-                    self._achieved[rows].copy(),
-                )
-            )
-        return found
+        return self._stepper.systems()
 
     @property
     def answer(self) -> Vector:
@@ -592,23 +410,20 @@ class Stack:
 
         The safety filter makes the command of it.
         """
-        return self._wish.copy()
+        return self._stepper.answer.copy()
 
     @property
     def at_bound(self) -> NDArray[np.bool_]:
         """Which joints were at a bound of their velocity (n,) in the last step's answer."""
-        return self.safety_filter.last_bounds.met(self._wish) != 0
+        return self.safety_filter.last_bounds.met(self._stepper.answer) != 0
 
     def level_of(self, name: str) -> int:
         """Level of a task, 0 is the highest; -1 if it is off or outside the hierarchy."""
-        return self.place_of(name) if name in self._rows else -1
+        return self.place_of(name) if name in self._stepper.rows.parts else -1
 
     def place_of(self, name: str) -> int:
         """List position of a task in the hierarchy, on or off; -1 outside it."""
-        for i, names in enumerate(self._listed):
-            if name in names:
-                return i
-        return -1
+        return self._levels.place_of(name)
 
     def is_listed(self, name: str) -> bool:
         """Whether a task is on and in the hierarchy, though another may act in its place."""
@@ -619,8 +434,9 @@ class Stack:
 
         They are the ones that steps write to until the hierarchy changes.
         """
-        rows = self._rows[name]
-        return _read_only(self._velocity[rows]), _read_only(self._achieved[rows])
+        rows = self._stepper.rows
+        part = rows.parts[name]
+        return read_only(rows.requested[part]), read_only(rows.achieved[part])
 
     @property
     def arm(self) -> Arm:
@@ -633,13 +449,15 @@ class Stack:
         Parameters, result and errors are those of `step_in_place`; the arrays of the result are
         the caller's own.
         """
+        stepper = self._stepper
         try:
-            step = self.step_in_place(np.asarray(q, dtype=float), elapsed, qd)
-            return Step(self._answers.copy(), self.robot.n, step.scale, self._layout)
+            scale = stepper.step(np.asarray(q, dtype=float), elapsed, qd)
         except UnusableState as error:
             if error.command is not None:
                 error.command = error.command.copy()
             raise
+        rows = stepper.rows
+        return Step(rows.answers.copy(), self.robot.n, scale, rows.layout)
 
     def problem(
         self, q: Vector | State, elapsed: float | None = None, qd: Vector | None = None
@@ -673,27 +491,7 @@ class Stack:
             If no joint can have moved so.
         """
         state = q if isinstance(q, State) else self.robot.state(q)
-        state.check(self.robot)
-        memory = chain.from_iterable(task.memory for task in self._ranked)
-        with unchanged(*self.safety_filter.memory, *memory):
-            # A copy: what cannot be written to is another type to compiled code.
-            if not self.safety_filter.take(state.q.copy(), elapsed, qd):
-                raise UnusableState(self.arm.notice)
-            reference = self.arm.reference
-            if not np.array_equal(reference, state.q):
-                state = self.robot.state(reference)
-            bounds = self.safety_filter.bounds()
-            self._expect(self.safety_filter.last_bounds)
-            levels = [joined([task.rows(state) for task in tasks]) for tasks in self._members]
-            return Problem(
-                tuple(levels),
-                bounds.soon_lower.copy(),
-                bounds.soon_upper.copy(),
-                bounds.range_lower.copy(),
-                bounds.range_upper.copy(),
-                bounds.start,
-                self.robot.joints,
-            )
+        return self._stepper.problem(state, elapsed, qd)
 
     def step_in_place(
         self, q: Vector, elapsed: float | None = None, qd: Vector | None = None
@@ -728,132 +526,20 @@ class Stack:
             If no finite command follows from the state, or no joint can have moved so. If the
             positions are finite the error has a command: braking.
         """
-        # The sum of what is finite may overflow: it is only quicker.
-        if not (math.isfinite(sum(q.tolist())) or np.isfinite(q).all()):
-            self._refuse(q)
-        if not self.safety_filter.take(q, elapsed, qd):
-            self._wish[:] = 0.0
-            self.safety_filter.brake(self._qd)
-            self._J.dot(self._qd, out=self._achieved)
-            raise UnusableState(self.arm.notice, self._command)
-        self.robot.update(self.arm.reference)
-        for task in self._unaimed:
-            if task.target is None:
-                task.hold()
-                self._just_aimed.append(task)
-                if self._targets is not None:
-                    self._targets[task.name] = task.settings[0]
-        if self.resting:
-            return self._answer_with_braking()
-        try:
-            with self._quiet():
-                bounds = self.safety_filter.bounds()
-                self._expect(self.safety_filter.last_bounds)
-                self._fill()
-                scale = self._solver.solve(
-                    self._J,
-                    self._velocity,
-                    bounds,
-                    self._wish,
-                    self._curvature if self.settle else None,
-                )
-                if self.safety_filter.transition.under_way:
-                    self._keep_distances()
-        except np.linalg.LinAlgError:
-            self._refuse(q)
-        if self._unaimed:
-            self._unaimed, self._just_aimed = [], []
-        if not self.arm.following:
-            self._wish[:] = 0.0
-            self.safety_filter.transition.give_way()
-        self._qd[:] = self._wish
-        self.safety_filter.pass_on(self._qd)
-        self._J.dot(self._qd, out=self._achieved)
-        return Step(self._shown, self.robot.n, scale, self._layout)
-
-    def _keep_distances(self) -> None:
-        """In a transition, brake beyond its bounds as far as set-based tasks need it.
-
-        At rest no distance shrinks, and the velocities that keep distances are a convex set: the
-        answer goes towards braking as far as needed. Where a distance has to grow, it is enough
-        that it shrinks no more.
-        """
-        rows, safety_filter = self._guarded, self.safety_filter
-        if not rows.stop:
-            return
-        J, command = self._J[rows], self._wish.copy()
-        safety_filter.approach(command)
-        least, rates = np.minimum(self._velocity[rows], 0.0), J @ command
-        broken = rates < least - KEPT
-        if not broken.any():
-            return
-        stop = np.zeros(self.robot.n)
-        safety_filter.slow_down(stop)
-        gained = J @ stop - rates
-        broken &= gained > 0.0
-        shares = np.minimum((least - rates)[broken] / gained[broken], 1.0)
-        if shares.size:
-            safety_filter.transition.give_way()
-            self._wish[:] = command + shares.max() * (stop - command)
-
-    def _answer_with_braking(self) -> Step:
-        """Answer the state that was taken with braking."""
-        if self._members:
-            self._fill()
-        self._unaimed, self._just_aimed = [], []
-        self._wish[:] = 0.0
-        if self.in_transition and not self.held:
-            # Without a level, rest is what the hierarchy has come to.
-            self.safety_filter.bounds()
-            self._qd[:] = 0.0
-            self.safety_filter.pass_on(self._qd)
-        else:
-            self.safety_filter.brake(self._qd)
-        self._J.dot(self._qd, out=self._achieved)
-        return Step(self._shown, self.robot.n, 1.0, self._layout)
-
-    def _fill(self) -> None:
-        """Fill the rows of all tasks at the robot's present configuration."""
-        if self._compiled is None:
-            from tp_controller.tasks.compiled import CompiledRows
-
-            self._compiled = CompiledRows(
-                self.robot,
-                [(task, self._rows[task.name].start) for task in self._ranked],
-                self._J,
-                self._errors,
-                self._feedforward,
-                self._velocity,
-            )
-        self._compiled.fill()
-        for task, velocity, feedforward in self._own:
-            task.update()
-            task.desired_velocity(velocity)
-            # Of rows without an error there is nothing to approach.
-            feedforward[:] = velocity if task.set_based else task.settings[1]
-
-    def _expect(self, bounds: Bounds) -> None:
-        """Tell tasks which speeds the next step can have."""
-        if not self._bounding:
-            return
-        fastest = self._fastest
-        np.negative(bounds.soon_lower, out=fastest)
-        np.maximum(fastest, bounds.soon_upper, out=fastest)
-        np.minimum(fastest, ENDLESS, out=fastest)
-        for task in self._bounding:
-            task.expect(fastest)
+        stepper = self._stepper
+        scale = stepper.step(q, elapsed, qd)
+        return Step(stepper.rows.shown, self.robot.n, scale, stepper.rows.layout)
 
     def know_period(self, period: float) -> None:
         """Take over the time [s] of one step, which was unknown so far."""
         self.safety_filter.know_period(period)
-        self.safety_filter.watch(self._kept())
+        self.safety_filter.watch(self._stepper.rows.kept)
         for task in self.tasks.values():
             task.know_period(period)
 
     def stay(self) -> None:
         """Turn the command of the last `step_in_place` into rest: the arm has not moved yet."""
-        self._qd[:] = self._achieved[:] = 0.0
-        self.rest()
+        self._stepper.stay()
 
     def brake(
         self, elapsed: float | None, q: Vector | None = None, qd: Vector | None = None
@@ -871,12 +557,7 @@ class Stack:
         Vector
             Joint velocity (n,) [rad/s, m/s]; a read-only view that the next step overwrites.
         """
-        self._wish[:] = 0.0
-        if q is not None:
-            self.safety_filter.take(q, elapsed, qd)
-        self.safety_filter.brake(self._qd, elapsed if q is None else None)
-        self._J.dot(self._qd, out=self._achieved)
-        return self._command
+        return self._stepper.brake(elapsed, q, qd)
 
     def rest(self) -> None:
         """Go on from standstill: the last command was not carried out."""
@@ -886,25 +567,6 @@ class Stack:
         """Take the last step back: its configuration comes again, no time has passed."""
         self.safety_filter.undo()
 
-    def _refuse(self, q: Vector) -> NoReturn:
-        self._qd[:] = self._wish[:] = 0.0
-        for task in self._just_aimed:
-            task.forget_target()
-        self._just_aimed = []
-        message = f'no finite command follows from the position {shown(q)}'
-        if not np.isfinite(q).all():
-            raise UnusableState(message)
-        self.safety_filter.bounds()
-        self.safety_filter.transition.give_way()
-        self.safety_filter.pass_on(self._qd)
-        raise UnusableState(message, self._command)
-
 
 def _nothing() -> None:
     """Follow no task."""
-
-
-def _read_only(array: Vector) -> Vector:
-    view = array.view()
-    view.flags.writeable = False
-    return view

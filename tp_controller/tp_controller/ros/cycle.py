@@ -22,7 +22,8 @@ from tp_controller.ros.rate import RateEstimate
 from tp_controller.ros.robot_node import HEARTBEAT
 from tp_controller.ros.state_watch import Arrival, StateWatch
 from tp_controller.ros.warnings import Warnings
-from tp_controller.stack import Stack, Step
+from tp_controller.stack import Stack
+from tp_controller.step_results import Step
 from tp_interfaces.msg import ControllerState
 
 TRIES = 3
