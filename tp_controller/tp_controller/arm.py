@@ -150,15 +150,17 @@ class Arm:
         """Let `undo` lead to the present model."""
         self._past = self.known, self._blind
         self._model.keep()
-        self._chart.keep()
         self._judgement.keep()
+        if not self._chart.flat:
+            self._chart.keep()
 
     def undo(self) -> None:
         """Go back to before the last state."""
         self.known, self._blind = self._past
         self._model.undo()
-        self._chart.undo()
         self._judgement.undo()
+        if not self._chart.flat:
+            self._chart.undo()
 
     def take(
         self, q: Vector, before: Vector, elapsed: float | None = None, qd: Vector | None = None
@@ -282,4 +284,5 @@ class Arm:
     def send(self, command: Vector) -> None:
         """Take note of the velocities (n,) that answer the last state."""
         self._model.send(command)
-        self._judgement.send()
+        if not self._model.ideal:
+            self._judgement.send()

@@ -119,10 +119,8 @@ class ArmChart:
 
     def keep(self) -> None:
         """Let `undo` lead to the present origin."""
-        if not self.flat:
-            self._past_anchor[:] = self._anchor
+        self._past_anchor[:] = self._anchor
 
     def undo(self) -> None:
         """Go back to the origin that was kept."""
-        if not self.flat:
-            self._anchor[:] = self._past_anchor
+        self._anchor[:] = self._past_anchor

@@ -66,7 +66,7 @@ class Judgement:
         n = len(joints)
         self._joints, self._model, self._chart = tuple(joints), model, chart
         self._measured = np.zeros((model.times.size, chart.space.nq))
-        """Configurations (m, nq) that the commands of the ring answer."""
+        """Configurations (m, nq) that the commands of the ring answer; not for an ideal arm."""
         self.limit = np.full(n, math.inf)
         self._found, self._asked, self._q, self._qd = np.zeros(2), *np.zeros((3, n))
         self._follow: Prepared | None = None
@@ -120,7 +120,8 @@ class Judgement:
         if not self._run(self._begin, before, qd is not None):
             self._refuse(q)
             return False
-        self._measured[:] = self._chart.configuration(q)
+        if not self._model.ideal:
+            self._measured[:] = self._chart.configuration(q)
         return True
 
     def follow(self, q: Vector, passed: float, before: Vector, qd: Vector | None) -> bool:

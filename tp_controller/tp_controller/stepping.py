@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
-from functools import partial
+from contextlib import nullcontext
 from itertools import chain
 from typing import NoReturn
 
@@ -26,6 +24,8 @@ Vector = NDArray[np.float64]
 
 KEPT = 1e-7
 """A row of a set-based task [m/s, rad/s] that is missed by less is kept."""
+NOTHING = nullcontext()
+"""What compiled code needs, which does not warn."""
 ENDLESS = 1e12
 """Speed [rad/s, m/s] that stands for any."""
 
@@ -71,12 +71,7 @@ class Stepper:
         self.rows, self._solver = rows, solver
         self._command = read_only(rows.command)
         solver.prepare(rows.levels, rows.jacobian_at)
-        # What overflows is not finite and refused in the end. Compiled code does not warn.
-        self._quiet: Callable[[], AbstractContextManager[None]] = (
-            nullcontext
-            if solver.compiled and not rows.own
-            else partial(np.errstate, over='ignore', invalid='ignore')
-        )
+        self._warns = rows.own or not solver.compiled
         for task in rows.bounding:
             acting = solver.acting[rows.parts[task.name]]
             # Who stays goes on as it is until the next step.
@@ -114,7 +109,8 @@ class Stepper:
             self._answer_with_braking()
             return 1.0
         try:
-            with self._quiet():
+            # What overflows is not finite and refused in the end.
+            with np.errstate(over='ignore', invalid='ignore') if self._warns else NOTHING:
                 bounds = safety_filter.bounds()
                 if rows.bounding:
                     self._expect(safety_filter.last_bounds)
