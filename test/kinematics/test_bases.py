@@ -279,6 +279,14 @@ def test_a_base_that_jumps_is_braked():
         stack.step(q, DT)
 
 
+def test_a_base_with_lag_that_moves_at_the_start_is_seen_where_it_gets_to():
+    robot = mobile('planar')
+    robot.response = Response.of(robot.n, lag=[0.1])
+    stack = Stack(robot, [PostureTask('posture', robot)], rate=RATE)
+    stack.step(robot.neutral, qd=np.array([0.5, 0.0, 0.0, 0.0, 0.0]))
+    assert stack.arm.reference[0] == pytest.approx(0.05)
+
+
 def test_the_tables_of_the_page_name_the_coordinates_and_velocities(repository):
     page = (repository / 'docs' / 'spaces.md').read_text(encoding='utf-8')
     for kind in BASES:

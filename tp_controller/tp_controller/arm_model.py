@@ -220,11 +220,9 @@ class ArmModel:
         command, acceleration, position_min, position_max, out
             As `Arm.line`.
         """
-        from tp_controller import braking_line
-
         response = self.response
         return bool(
-            braking_line.line(
+            self._lines.line(
                 self.now,
                 self.times,
                 self.commands,
@@ -249,3 +247,10 @@ class ArmModel:
         from tp_controller import commands_under_way
 
         return commands_under_way
+
+    @cached_property
+    def _lines(self) -> Any:
+        """Module that is compiled, or loaded, for arms that keep distances."""
+        from tp_controller import braking_line
+
+        return braking_line

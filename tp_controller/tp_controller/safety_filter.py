@@ -170,15 +170,15 @@ class SafetyFilter:
             self._use(limits)
         if self._plain:
             return self._bounds
-        arm = self.arm
-        if arm.step != self._step:
+        step = self.arm.step
+        if step != self._step:
             # The change by one command stays the same when commands are farther apart.
-            self._step = arm.step
-            slower = self.period / arm.step
+            self._step = step
+            slower = self.period / step
             self._acceleration = (
                 limits.acceleration if slower == 1.0 else _fixed(limits.acceleration * slower)
             )
-            self._bounds = self._bounds._replace(step=arm.step)
+            self._bounds = self._bounds._replace(step=step)
         self._fill(self._acceleration, self._bounds)
         return self._bounds
 
