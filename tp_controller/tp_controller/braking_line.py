@@ -1,4 +1,4 @@
-"""Where an arm gets to until it has braked, and what distances do meanwhile, by numba.
+"""Line along which an arm moves until it has braked, compiled by numba.
 
 Parameters of the arm and its commands are those of `tp_controller.commands_under_way`.
 """
@@ -10,7 +10,7 @@ import math
 from tp_controller.arm_state import V_HIGH, V_LOW, P, V, Z
 from tp_controller.array_types import COLUMN, FIXED, ROWS
 from tp_controller.commands_under_way import SLIVER
-from tp_controller.compiled import boolean, float64, int64, njit, void
+from tp_controller.compiled import boolean, float64, int64, njit
 
 
 @njit(
@@ -181,41 +181,3 @@ def line(  # type: ignore[no-untyped-def]
         if over > 0.0:
             tube[i] += over
     return True
-
-
-@njit(int64(COLUMN, COLUMN, COLUMN, COLUMN, float64[:, ::1], boolean[::1]), cache=True)
-def line_doubts(way, tube, distance, required, reach, doubtful):  # type: ignore[no-untyped-def]
-    """Find distances (k,) that could become too small along a line, and how many they are."""
-    count = 0
-    for row in range(distance.size):
-        length = 0.0
-        for i in range(way.size):
-            length += reach[row, i] * (abs(way[i]) + 2.0 * tube[i])
-        doubtful[row] = distance[row] - required[row] < length
-        count += doubtful[row]
-    return count
-
-
-@njit(void(COLUMN, float64[:, ::1], COLUMN, COLUMN), cache=True)
-def lengths(way, reach, most, bend):  # type: ignore[no-untyped-def]
-    """Bounds on what distances (k,) do while velocities of constant direction act.
-
-    Parameters
-    ----------
-    way, reach
-        How far each velocity leads (n,), and the bound (k, n) on the derivative of the distances.
-    most
-        Result (k,): no distance changes by more.
-    bend
-        Result (k,): no point of a link is farther from the straight line between its places,
-        in any one direction. The second derivative by joints i and j is no larger than the
-        reach of either.
-    """
-    for row in range(most.size):
-        first, second = 0.0, 0.0
-        for i in range(way.size):
-            move = abs(way[i])
-            first += reach[row, i] * move
-            for j in range(way.size):
-                second += min(reach[row, i], reach[row, j]) * move * abs(way[j])
-        most[row], bend[row] = first, 0.125 * second

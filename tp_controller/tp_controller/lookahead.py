@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.arm import Arm
+from tp_controller.prepared import Prepared
 from tp_controller.robot import Robot
 from tp_controller.tasks import SetBasedTask
 
@@ -21,6 +22,8 @@ CLEAR = 1e-6
 LEEWAY = 1e-3
 """By how much [m, rad] a distance that is negative may be lower between two samples: with bounds
 alone nothing can be proven of one that must not become smaller at all."""
+COMMAND, LEAST, MOST, ACCELERATION, STEP, TOGETHER = range(1, 7)
+"""Places among the arguments of `tp_controller.braking_distances.doubts`."""
 PROBES = 200
 """Largest number of configurations that are looked at in one step. A command that is not proven
 safe by then counts as unsafe."""
@@ -96,6 +99,7 @@ class Lookahead:
         self._rest, self._way, self._speed = np.zeros((3, robot.n))
         self._q = robot.neutral
         self._acceleration = robot.limits.acceleration
+        self._accelerates = bool(np.isfinite(self._acceleration).any())
         self._line = np.zeros((4, robot.n))
         self.probes = 0
         self.together = self._past_together = True
@@ -104,9 +108,45 @@ class Lookahead:
     @cached_property
     def _compiled(self) -> tuple[Any, Any]:
         """Modules that are compiled, or loaded, for arms that move."""
-        from tp_controller import braking, braking_line
+        from tp_controller import braking, braking_distances
 
-        return braking, braking_line
+        return braking, braking_distances
+
+    @cached_property
+    def _require(self) -> Prepared:
+        """The call that finds what is required of the distances."""
+        return Prepared(
+            self._compiled[1].require,
+            self._lowest,
+            self._distance,
+            self._clear,
+            LEEWAY,
+            self._required,
+            self._leeway,
+        )
+
+    @cached_property
+    def _doubts(self) -> Prepared:
+        """The call that finds distances that could become too small."""
+        limits = self._robot.limits
+        return Prepared(
+            self._compiled[1].doubts,
+            self._arm.z,
+            self._way,
+            limits.position_min,
+            limits.position_max,
+            limits.acceleration,
+            float(self._arm.step),
+            True,
+            self._distance,
+            self._required,
+            self._clear,
+            self._reach,
+            self._rest,
+            self._speed,
+            self._doubtful,
+            self._found,
+        )
 
     def keep(self) -> None:
         """Let `undo` lead to the present state."""
@@ -126,10 +166,9 @@ class Lookahead:
         if self._late:
             # What was found before does not count: noise would take it down, step by step.
             np.minimum(self._distance, self._reserve, out=self._required)
+            np.multiply(LEEWAY, self._distance < self._clear, out=self._leeway)
         else:
-            np.minimum(self._lowest, self._distance, out=self._required)
-            np.minimum(self._required, self._clear, out=self._required)
-        np.multiply(LEEWAY, self._distance < self._clear, out=self._leeway)
+            self._require.run()
 
     def is_safe(self, command: Vector, acceleration: Vector) -> bool:
         """Whether the arm can stop from a command, in one way or the other.
@@ -141,11 +180,12 @@ class Lookahead:
         acceleration
             Limits (n,) in changes of velocity by `Arm.step`.
         """
-        self._acceleration = acceleration
+        if acceleration is not self._acceleration:
+            self._acceleration = acceleration
+            self._accelerates = bool(np.isfinite(acceleration).any())
         if self._late:
             return self._stops_late(command)
-        accelerates = bool(np.isfinite(acceleration).any())
-        for together in (True, False) if accelerates else (True,):
+        for together in (True, False) if self._accelerates else (True,):
             if self._stops(command, together):
                 self._lowest[:] = self._found
                 self.together = together
@@ -154,27 +194,17 @@ class Lookahead:
 
     def _stops(self, command: Vector, together: bool) -> bool:
         """Whether every distance stays above what is required, until the arm has stopped."""
-        braking, _ = self._compiled
-        limits, dt = self._robot.limits, self._arm.step
-        acceleration, doubtful = self._acceleration, self._doubtful
-        doubts = braking.doubts(
-            self._arm.z,
-            command,
-            limits.position_min,
-            limits.position_max,
-            acceleration,
-            dt,
-            together,
-            self._distance,
-            self._required,
-            self._reach,
-            self._rest,
-            self._speed,
-            doubtful,
-        )
+        limits, dt, doubtful = self._robot.limits, self._arm.step, self._doubtful
+        call = self._doubts
+        call.replace(COMMAND, command)
+        call.replace(LEAST, limits.position_min)
+        call.replace(MOST, limits.position_max)
+        call.replace(ACCELERATION, self._acceleration)
+        call.put(STEP, dt)
+        call.put(TOGETHER, together)
+        doubts = call.run()
         if doubts < 0:
             return False
-        np.minimum(self._distance, self._clear, out=self._found)
         if doubts == 0:
             return True
         # The present configuration is left behind: what lies ahead may not fall back to it.
@@ -182,7 +212,7 @@ class Lookahead:
         near = [(task, part) for task, part in self.tasks if doubtful[part].any()]
         step, rest = dt * command, self._rest.copy()
         after = self._robot.integrate(self._q, step)
-        steps = braking.steps_to_rest(command, acceleration, dt)
+        steps = self._compiled[0].steps_to_rest(command, self._acceleration, dt)
         end = self._braked(command, together, (0, steps), after, rest)
         # Of a row that cannot use up its room on the whole way, that is enough. No joint turns
         # back while it brakes.
@@ -254,9 +284,9 @@ class Lookahead:
         first, last
             The distances (k,) there; these are infinite for rows that do not count.
         """
-        braking, braking_line = self._compiled
+        braking, distances = self._compiled
         begin, finish, before, after, gone, going = stretch
-        braking_line.lengths(going - gone, self._reach, self._most, self._bend)
+        distances.lengths(going - gone, self._reach, self._most, self._bend)
         short = 0.5 * (first + last - self._most) < self._required
         if not short.any():
             return True
