@@ -65,3 +65,7 @@ class Aims:
         """Take note of the targets, unless that was done already."""
         if self.targets is None:
             self.targets = {name: task.settings[0] for name, task in tasks.items()}
+
+    def resume(self) -> None:
+        """End the hold."""
+        self.targets = None

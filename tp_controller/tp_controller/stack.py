@@ -308,7 +308,7 @@ class Stack:
         """
         if self._aims.targets is not None and not targets:
             self.forget_targets(self._aims.targets)
-        self._aims.targets = None
+        self._aims.resume()
 
     @property
     def resting(self) -> bool:
