@@ -830,7 +830,10 @@ class Stack:
             task.update()
             task.desired_velocity(velocity)
             # Of rows without an error there is nothing to approach.
-            feedforward[:] = velocity if task.set_based else task.settings[1]
+            if task.set_based:
+                feedforward[:] = velocity
+            else:
+                task.limited_feedforward(feedforward)
 
     def _expect(self, bounds: Bounds) -> None:
         """Tell tasks which speeds the next step can have."""
