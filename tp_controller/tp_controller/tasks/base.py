@@ -587,6 +587,8 @@ class Task(ABC):
 
     def left_out(self) -> Vector:
         """What `max_speed` takes from ``K error + feedforward`` (k,) of the last update."""
+        if not self._max_speed.size:
+            return np.zeros(self.k)
         velocity: Vector = self._K @ self.error + self._feedforward
         return velocity * (1.0 - self._shares(velocity))
 
