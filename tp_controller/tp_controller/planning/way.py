@@ -156,8 +156,8 @@ def _times_too_fast(stack: Stack, path: VectorPath) -> float:
     ]
     limited = [(task, speeds) for task, speeds in tasks if speeds is not None]
     most = 1.0
-    for time in np.arange(0.0, path.times[-1], LOOK) if limited else ():
-        q, qd = path.at(float(time))
+    for now in np.arange(0.0, path.times[-1], LOOK) if limited else ():
+        q, qd = path.at(float(now))
         stack.robot.update(q)
         for task, speeds in limited:
             task.update()
