@@ -184,6 +184,7 @@ def test_the_parameters_that_may_change_while_running_are_those_of_the_contract(
             'enabled',
             'gain',
             'feedforward',
+            'max_speed',
             'target',
             'weight',
             'time_scaling',

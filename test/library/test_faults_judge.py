@@ -198,7 +198,7 @@ def test_spoiled_joint_states_are_known_as_such(change):
         assert delivery.usable == as_it_was
 
 
-def times(sent, answered, waited=None, ran=None):
+def times(sent, answered, waited=None, ran=None, longest=None):
     """Joint states sent at times [ms], and (number, time) of commands."""
     numbers, when = zip(*answered, strict=True)
     return Times(
@@ -208,6 +208,7 @@ def times(sent, answered, waited=None, ran=None):
         1e-3 * np.array(when),
         1e-3 * np.array(when),
         np.zeros(len(when)) if waited is None else np.array(waited),
+        np.zeros(len(when)) if longest is None else np.array(longest),
         np.zeros(len(when)) if ran is None else np.array(ran),
     )
 
@@ -226,6 +227,16 @@ def times(sent, answered, waited=None, ran=None):
 def test_a_missed_command_has_its_cause(given, pauses, cause):
     assert missed(given, 0.002, pauses) == {cause: 1}
     assert ages(given)[1].max() <= 0.0041
+
+
+@pytest.mark.parametrize(('waited', 'cause'), [(0.0065, MACHINE), (0.003, UNEXPLAINED)])
+def test_a_wait_counts_for_the_time_before_its_end(waited, cause):
+    given = times(range(0, 14, 2), [(0, 0.5), (5, 10.5), (6, 12.5)], longest=[0, waited, 0])
+    # The first of four is 8.5 ms old when the wait ends, and within a period of its begin.
+    found = missed(given, 0.002, [])
+    assert sum(found.values()) == 4
+    assert found[cause] >= 1
+    assert (found[UNEXPLAINED] > 0) == (cause == UNEXPLAINED)
 
 
 def outcome(name, wrong=()):

@@ -126,6 +126,29 @@ def test_a_way_is_clear_inside_the_limits_and_ends_at_a_solution(seed):
     assert any(way.solution is one for one in answer.solutions)
 
 
+def test_a_way_moves_no_task_faster_than_its_largest_speed():
+    stack = build_settings(parameters('panda_table')).stack
+    hand, robot = stack.tasks['hand_position'], stack.robot
+    start = solve(stack, {'hand_position': [0.6, -0.15, 0.3]}, READY).best.q
+    goals = {'hand_position': [0.15, -0.6, 0.35]}
+    answer = solve(stack, goals, start)
+
+    def fastest_way():
+        with Conditions(stack, goals, start) as conditions:
+            way = find_way(conditions, answer.solutions)
+        speeds = []
+        for q, qd in sampled(way, 400):
+            robot.update(q)
+            speeds.append(np.linalg.norm(hand.frame.jacobian[:3] @ qd))
+        return way, max(speeds)
+
+    way, before = fastest_way()
+    hand.max_speed = 0.25 * before
+    slower, speed = fastest_way()
+    assert 0.24 * before < speed < 0.252 * before
+    assert slower.duration > way.duration
+
+
 def test_a_way_leads_around_what_is_between():
     stack = table()
     # On both sides of the pillar, the hand low.

@@ -229,6 +229,29 @@ def test_a_path_that_limits_hold_up_is_left_or_slowed_down(loop, scaling):
     loop.set_parameters({'tasks.ee_position.time_scaling': False})
 
 
+@pytest.mark.parametrize('scaling', [False, True])
+def test_a_path_that_is_faster_than_the_largest_speed_is_left_or_slowed_down(loop, scaling):
+    start = np.array(loop.client.task('ee_position').current)
+    corner, end = start + np.array([-0.2, 0.0]), start + np.array([-0.2, 0.2])
+    loop.set_parameters(
+        {'tasks.ee_position.time_scaling': scaling, 'tasks.ee_position.max_speed': [0.2]}
+    )
+    ways = np.linspace(0.0, 1.0, 6)[1:, None]
+    places = np.concatenate([start + ways * (corner - start), corner + ways * (end - corner)])
+    # Twice as fast as the task may be.
+    follow(loop, 'ee_position', frame_trajectory(0.1 * np.arange(1, 11), places))
+    loop.run(4.0)
+    place = loop.record.current['ee_position']
+    speeds = np.linalg.norm(np.diff(place, axis=0), axis=1) * RATE
+    assert speeds.max() < 0.21
+    assert np.linalg.norm(place[-1] - end) < 1e-2
+    off = np.minimum(np.abs(place[:, 1] - start[1]), np.abs(place[:, 0] - corner[0]))
+    assert (off.max() < 0.02) == scaling
+    loop.set_parameters(
+        {'tasks.ee_position.time_scaling': False, 'tasks.ee_position.max_speed': [100.0]}
+    )
+
+
 def test_goals_holds_and_hierarchies_end_it_and_a_feedforward_is_refused(loop):
     msg = joint_trajectory(JOINTS, [2.0], [[0.6, 0.6, 0.3]])
     loop.set_parameters({'hierarchy': ['posture']})

@@ -442,7 +442,7 @@ def _gain(task: Task | None) -> float:
 
 
 class _Asked:
-    """Changes of a task's target, feedforward and gain."""
+    """Changes of a task's target, feedforward, gain and largest speed."""
 
     def __init__(self, task: Task, part: slice) -> None:
         self._task, self._part = task, part
@@ -452,14 +452,15 @@ class _Asked:
     def size(self, scale: Vector) -> float:
         """Size of a change since the last call as a share of what joints can do; 0 if none."""
         settings = self._task.settings
-        target, feedforward, gain = settings
+        target, feedforward, *others = settings
         last = self._settings
-        if target is last[0] and feedforward is last[1] and gain is last[2]:
+        other = any(new is not old for new, old in zip(others, last[2:], strict=True))
+        if target is last[0] and feedforward is last[1] and not other:
             return 0.0
         self._settings = settings
         rows = scale[self._part]
         usable = rows[(rows > 0.0) & np.isfinite(rows)]
-        if gain is not last[2] or not usable.size:
+        if other or not usable.size:
             return 1.0
         largest = 0.0
         if target is not last[0]:

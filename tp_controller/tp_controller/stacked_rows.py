@@ -147,7 +147,10 @@ class StackedRows:
             task.update()
             task.desired_velocity(velocity)
             # Of rows without an error there is nothing to approach.
-            feedforward[:] = velocity if task.set_based else task.settings[1]
+            if task.set_based:
+                feedforward[:] = velocity
+            else:
+                task.limited_feedforward(feedforward)
 
     def jacobian_at(self, q: Vector) -> Matrix:
         """Jacobian (K, n) after the robot was moved to ``q`` (nq,)."""

@@ -298,6 +298,8 @@ def build_task(name: str, robot: Robot, values: Flat) -> Task:
         task.time_scaling = own.get('time_scaling', False)
         task.around = own.get('around', False)
         task.inverse = Inverse(*(own[key] for key in INVERSE))
+        if own.get('max_speed') is not None:
+            task.max_speed = own['max_speed']
         if own['feedforward'] is not None:
             task.feedforward = own['feedforward']
         if own.get('target') is not None:

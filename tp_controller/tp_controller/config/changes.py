@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tp_controller.config.build import Settings, build_solver
-from tp_controller.config.risks import hierarchy_risks, limit_risks
+from tp_controller.config.risks import hierarchy_risks, limit_risks, speed_risks
 from tp_controller.config.schema import RESUME
 from tp_controller.errors import InvalidValue, shown
 from tp_controller.parameters import Flat, Parameter, alternatives
@@ -108,9 +108,11 @@ def check_changes(
                 steps.append(partial(setattr, task, leaf, value))
                 continue
             try:
-                getattr(task, f'check_{leaf}')(value)
+                after = getattr(task, f'check_{leaf}')(value)
             except InvalidValue as error:
                 raise error.under(f'tasks.{name}') from None
+            if leaf == 'max_speed':
+                risks += speed_risks(task, after)
             steps.append(partial(setattr, task, leaf, value))
     # Targets are ordinary motion.
     if any(key not in AT_REST and not key.endswith('.target') for key in checked):

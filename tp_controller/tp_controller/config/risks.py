@@ -5,9 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import chain
 
+import numpy as np
+from numpy.typing import NDArray
+
+from tp_controller.errors import shown
 from tp_controller.robot import Limits
 from tp_controller.tasks import Task
 
+Vector = NDArray[np.float64]
 Members = Sequence[Sequence[Task]]
 """Tasks by level, highest first."""
 
@@ -28,6 +33,21 @@ def limit_risks(joints: Sequence[str], before: Limits, after: Limits) -> Iterato
         found = [f'{joints[i]} {old[i]:g} to {new[i]:g}' for i in range(len(joints)) if wider[i]]
         if found:
             yield f'robot.limits.{key} is wider: {", ".join(found)}'
+
+
+def speed_risks(task: Task, after: Vector) -> Iterator[str]:
+    """Say whether a task may ask for more speed, in one text.
+
+    Parameters
+    ----------
+    task
+        The task as it is.
+    after
+        Its largest speeds to be (groups,).
+    """
+    before = task.max_speed
+    if before is not None and np.any(after > before):
+        yield f'tasks.{task.name}.max_speed is larger: {shown(before)} to {shown(after)}'
 
 
 def hierarchy_risks(before: Members, after: Members) -> Iterator[str]:

@@ -24,7 +24,10 @@ LOOKS = 5
 
 
 def timed(
-    points: Matrix, limits: Limits, is_clear: Callable[[Vector], bool] = lambda _: True
+    points: Matrix,
+    limits: Limits,
+    is_clear: Callable[[Vector], bool] = lambda _: True,
+    slower: float = 1.0,
 ) -> VectorPath:
     """Time a way through points, which begins and ends at rest.
 
@@ -41,6 +44,8 @@ def timed(
         Limits of speed and acceleration.
     is_clear
         Whether positions (n,) of a rounded corner keep what has to be kept.
+    slower
+        How many times slower than the limits allow; the places are the same.
 
     Returns
     -------
@@ -52,6 +57,7 @@ def timed(
     if len(points) == 1:
         points = np.repeat(points, 2, axis=0)
     v, a = _limits(limits)
+    v, a = v / slower, a / slower**2
     stops = np.zeros(len(points), dtype=bool)
     stops[[0, -1]] = True
     while True:

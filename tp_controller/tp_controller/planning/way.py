@@ -15,6 +15,7 @@ from tp_controller.planning.clear import Clear
 from tp_controller.planning.conditions import Conditions
 from tp_controller.planning.search import SLOW, Solution
 from tp_controller.planning.timing import timed
+from tp_controller.stack import Stack
 from tp_controller.trajectory import VectorPath
 
 Vector = NDArray[np.float64]
@@ -27,6 +28,8 @@ SHORTENING = 0.3
 LONGEST_SHORTENING = 0.5
 STEP = 0.5
 """Farthest step of a tree: what the slowest joint does in this time [s]."""
+LOOK = 0.02
+"""Time [s] on a way between looks at the speeds of tasks."""
 TURN = np.pi
 """How far [rad] beyond start and goals a way may turn a joint without ends."""
 
@@ -72,7 +75,8 @@ def find_way(
     The way keeps the ranges, the distances of all set-based tasks that the goals' conditions
     have, and the tasks of the levels above that have no error now. Straight ways in joint space
     come first. If none is clear, RRT-Connect (Kuffner and LaValle 2000) of OMPL looks for one
-    to any of the solutions, which is then made shorter.
+    to any of the solutions, which is then made shorter. No task with a largest speed is moved
+    faster than that.
 
     Parameters
     ----------
@@ -136,7 +140,31 @@ def _way(clear: Clear, points: Matrix, end: Solution, planned: bool, begin: floa
     names = tuple(task.name for task in clear.holding)
     is_clear = (lambda _: True) if names else clear.is_clear
     path = timed(points, clear.robot.limits, is_clear)
+    times_too_fast = _times_too_fast(clear.conditions.stack, path)
+    if times_too_fast > 1.0:
+        path = timed(points, clear.robot.limits, is_clear, times_too_fast)
     return Way(points, path, end, planned, time.monotonic() - begin, names)
+
+
+def _times_too_fast(stack: Stack, path: VectorPath) -> float:
+    """How many times faster than their largest speed tasks are moved by a way; at least 1."""
+    tasks = [
+        (task, task.max_speed)
+        for level in stack.members
+        for task in level
+        if task.settings[0].size == task.target_size
+    ]
+    limited = [(task, speeds) for task, speeds in tasks if speeds is not None]
+    most = 1.0
+    for now in np.arange(0.0, path.times[-1], LOOK) if limited else ():
+        q, qd = path.at(float(now))
+        stack.robot.update(q)
+        for task, speeds in limited:
+            task.update()
+            velocity = task.J @ qd
+            for rows, speed in zip(task.speed_groups, speeds, strict=True):
+                most = max(most, float(np.linalg.norm(velocity[rows]) / speed))
+    return most
 
 
 class _Planner:

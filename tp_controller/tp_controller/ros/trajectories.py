@@ -222,7 +222,7 @@ class Trajectories:
         if run.feedforward is not None and seconds > 0.0:
             requested, achieved = stack.velocities_of(task.name)
             if task.time_scaling:
-                wanted = requested - run.extra
+                wanted = requested - run.extra + task.left_out()
                 run.speed, run.asked = pace(run.asked, run.feedforward, wanted, achieved)
             else:
                 run.speed = run.asked = 1.0

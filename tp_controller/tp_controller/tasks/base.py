@@ -43,6 +43,13 @@ COMMON: Mapping[str, Parameter] = {
         'Desired task velocity added to the gain term, one value per row; zero when left out',
         runtime=True,
     ),
+    'max_speed': Parameter(
+        NUMBERS,
+        'Largest speed [m/s, rad/s] that the task asks for, by its gain and feedforward together: '
+        'one value, for a pose also one for the position and one for the rotation, for joints '
+        'also one per joint; none when left out',
+        runtime=True,
+    ),
     'inverse': Parameter(
         TEXT, "This level's inverse in place of solver.inverse", choices=INVERSES
     ),
@@ -86,6 +93,9 @@ class Common(TypedDict, total=False):
     """Gain [1/s]: one value, one per row, or a full matrix (k, k) row by row; 1 when left out."""
     feedforward: Sequence[float] | Vector
     """Desired task velocity (k,) added to the gain term; zero when left out."""
+    max_speed: float | Sequence[float] | Vector
+    """Largest speed [m/s, rad/s] that it asks for: one value, or one for each of its
+    `speed_groups`; none when left out."""
     target: Sequence[float] | Vector
     """Desired value (target_size,); that at the first step when left out."""
     inverse: Inverse
@@ -99,7 +109,8 @@ class Common(TypedDict, total=False):
 class Task(ABC):
     """A task variable to be brought to a desired value.
 
-    The desired task velocity is ``K error + feedforward`` with ``error = desired - current``.
+    The desired task velocity is ``K error + feedforward`` with ``error = desired - current``,
+    made shorter to `max_speed` where it is longer.
 
     Parameters
     ----------
@@ -127,7 +138,7 @@ class Task(ABC):
     period
         Time [s] of one step, which gains are judged by; infinite if unknown.
     revision
-        Goes up whenever target, gain or feedforward are set.
+        Goes up whenever target, gain, feedforward or largest speed are set.
     changed
         Called after `enabled` or `gain` was set; the stack that has the task then follows. What
         it raises takes `enabled` back.
@@ -164,6 +175,7 @@ class Task(ABC):
         self.period = math.inf
         self._K: Matrix = np.eye(self.k)
         self._feedforward: Vector = np.zeros(self.k)
+        self._max_speed: Vector = np.zeros(0)  # empty without a limit
         self._target: Vector = np.zeros(0)  # empty before the first one
         self.revision = 0
         self._rows: CompiledRows | None = None
@@ -410,9 +422,9 @@ class Task(ABC):
         )
 
     @property
-    def settings(self) -> tuple[Vector, Vector, Matrix]:
-        """Target, feedforward and gain, not copied: new objects whenever they are set."""
-        return self._target, self._feedforward, self._K
+    def settings(self) -> tuple[Vector, Vector, Matrix, Vector]:
+        """Target, feedforward, gain and largest speeds, not copied: new ones when they are set."""
+        return self._target, self._feedforward, self._K, self._max_speed
 
     def hold(self) -> None:
         """Take the present value as the target."""
@@ -530,10 +542,70 @@ class Task(ABC):
             raise InvalidValue('feedforward', shown(velocity), accepts)
         return velocity
 
+    @property
+    def speed_groups(self) -> tuple[slice, ...]:
+        """Rows whose speeds are limited together, by the length of their velocity."""
+        return (slice(0, self.k),)
+
+    @property
+    def max_speed(self) -> Vector | None:
+        """Largest speed of each of the `speed_groups` [m/s, rad/s], None without; a copy."""
+        return self._max_speed.copy() if self._max_speed.size else None
+
+    @max_speed.setter
+    def max_speed(self, values: float | Sequence[float] | Vector) -> None:
+        self._max_speed = self.check_max_speed(
+            [values] if isinstance(values, int | float) else values
+        )
+        self.revision += 1
+
+    def check_max_speed(self, values: Sequence[float] | Vector) -> Vector:
+        """Largest speeds (groups,) from one value or one per group.
+
+        Raises
+        ------
+        InvalidValue
+            For a wrong number of values, or one that is not above zero.
+        """
+        groups = len(self.speed_groups)
+        if len(values) not in (1, groups):
+            accepts = '1 value' if groups == 1 else f'1 or {groups} values'
+            raise InvalidValue('max_speed', _counted(values), accepts)
+        speeds = np.array(values, dtype=float)
+        if not np.all((speeds > 0.0) & (speeds <= LARGEST)):
+            raise InvalidValue(
+                'max_speed', shown(speeds), f'numbers above 0 and up to {LARGEST:g}'
+            )
+        return np.broadcast_to(speeds, groups).copy()
+
     def desired_velocity(self, out: Vector) -> None:
-        """Write ``K error + feedforward`` (k,) of the last update to ``out``."""
+        """Write ``K error + feedforward`` (k,) of the last update to ``out``, not too fast."""
         np.dot(self._K, self.error, out=out)
         out += self._feedforward
+        if self._max_speed.size:
+            out *= self._shares(out)
+
+    def left_out(self) -> Vector:
+        """What `max_speed` takes from ``K error + feedforward`` (k,) of the last update."""
+        if not self._max_speed.size:
+            return np.zeros(self.k)
+        velocity: Vector = self._K @ self.error + self._feedforward
+        return velocity * (1.0 - self._shares(velocity))
+
+    def limited_feedforward(self, out: Vector) -> None:
+        """Write the part (k,) of the feedforward in the desired velocity to ``out``."""
+        out[:] = self._feedforward
+        if self._max_speed.size:
+            out *= self._shares(self._K @ self.error + self._feedforward)
+
+    def _shares(self, velocity: Vector) -> Vector:
+        """Share (k,) of each row of a velocity that `max_speed` leaves."""
+        shares = np.ones(self.k)
+        for rows, most in zip(self.speed_groups, self._max_speed, strict=False):
+            speed = float(np.linalg.norm(velocity[rows]))
+            if speed > most:
+                shares[rows] = most / speed
+        return shares
 
 
 def _nothing() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -26,7 +27,8 @@ class CompiledRows:
     tasks
         The tasks with their first rows; those without parts are left out.
     J, errors, feedforward, velocity
-        Where the rows of all tasks are: (K, n), and (K,) each.
+        Where the rows of all tasks are: (K, n), and (K,) each. The feedforward is that part of
+        the desired velocity that is no gain term.
     """
 
     def __init__(
@@ -45,8 +47,8 @@ class CompiledRows:
         width = max([9, robot.n, *(len(part.places) for part, _, _ in parts)])
         self._revisions = [-1] * len(self._tasks)
         # What was taken over last, by identity: most often only a target is new.
-        self._loaded: list[tuple[Vector | None, Matrix | None]] = [(None, None)] * len(self._tasks)
-        self._feedforward = feedforward
+        self._loaded: list[tuple[object, ...]] = [(None, None, None)] * len(self._tasks)
+        self._added = np.zeros(errors.size)
         self._plan = np.full((len(parts), COLUMNS), -1, dtype=np.int64)
         self._places = np.zeros((len(parts), width), dtype=np.int64)
         self._wraps = np.zeros((len(parts), width), dtype=np.bool_)
@@ -83,6 +85,13 @@ class CompiledRows:
             [(first, task.k) for task, first in self._tasks], dtype=np.int64
         ).reshape(-1, 2)
         self._gains = np.zeros((len(sizes), max([1, *sizes]), max([1, *sizes])))
+        groups = [
+            (first + rows.start, rows.stop - rows.start)
+            for task, first in self._tasks
+            for rows in task.speed_groups
+        ]
+        self._first_group = np.cumsum([0, *(len(task.speed_groups) for task, _ in self._tasks)])
+        self._speeds = np.full(len(groups), math.inf)
         m, n = robot.twists.shape[0], robot.n
         self._frames = np.array(list(frames), dtype=np.int64)
         self._moves = np.zeros((len(frames), m), dtype=np.bool_)
@@ -106,6 +115,9 @@ class CompiledRows:
             self._values,
             self._spans,
             self._gains,
+            self._added,
+            np.array(groups, dtype=np.int64).reshape(-1, 2),
+            self._speeds,
             np.zeros((8, 6, max(n, 3))),
             J,
             errors,
@@ -153,14 +165,17 @@ class CompiledRows:
         self._fill_hessians.run()
 
     def _load(self, i: int, task: base.Task, first: int) -> None:
-        """Take over a task's target, gain and feedforward."""
+        """Take over a task's target, gain, feedforward and largest speeds."""
         self._revisions[i] = task.revision
-        _, feedforward, K = task.settings
+        _, feedforward, K, max_speed = task.settings
         if K is not self._loaded[i][1]:
             self._gains[i, : task.k, : task.k] = K
         if feedforward is not self._loaded[i][0]:
-            self._feedforward[first : first + task.k] = feedforward
-        self._loaded[i] = feedforward, K
+            self._added[first : first + task.k] = feedforward
+        if max_speed is not self._loaded[i][2]:
+            groups = slice(self._first_group[i], self._first_group[i + 1])
+            self._speeds[groups] = max_speed if max_speed.size else math.inf
+        self._loaded[i] = feedforward, K, max_speed
         for part, values in enumerate(task.part_values(), self._first_part[i]):
             self._values[part, : values.size] = values
 

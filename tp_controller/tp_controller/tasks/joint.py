@@ -75,6 +75,11 @@ class JointTask(Task):
         self.J[:] = robot.space.rates(robot.q)[self._indices]
         self.set(settings)
 
+    @property
+    def speed_groups(self) -> tuple[slice, ...]:
+        """Every row."""
+        return tuple(slice(row, row + 1) for row in range(self.k))
+
     @classmethod
     def from_parameters(cls, name: str, robot: Robot, values: Mapping[str, Any]) -> JointTask:
         """Make the task from checked values."""

@@ -64,7 +64,7 @@ class JointLimitsTask(SetBasedTask):
         'max': Parameter(NUMBERS, 'Upper end, in the same way'),
         **THRESHOLDS,
     }
-    without = ('target', 'time_scaling', 'around')
+    without = ('target', 'max_speed', 'time_scaling', 'around')
     target_words = ''
 
     def __init__(

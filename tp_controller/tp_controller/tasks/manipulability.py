@@ -42,7 +42,7 @@ class ManipulabilityTask(Task):
 
     type = 'manipulability'
     parameters: ClassVar[Mapping[str, Parameter]] = ManipulabilityObjective.parameters
-    without = ('target', 'time_scaling', 'around')
+    without = ('target', 'max_speed', 'time_scaling', 'around')
     target_words = ''
     feeds_back = False
 

@@ -92,7 +92,7 @@ class ObstacleTask(SetBasedTask):
         ),
         **THRESHOLDS,
     }
-    without = ('target', 'time_scaling', 'around')
+    without = ('target', 'max_speed', 'time_scaling', 'around')
     target_key = 'center'
     target_words = 'centre per axis [m]'
 

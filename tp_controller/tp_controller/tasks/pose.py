@@ -88,6 +88,11 @@ class PoseTask(FrameTask):
         self._turn.place(J[self._place.k :], error[self._place.k :])
 
     @property
+    def speed_groups(self) -> tuple[slice, ...]:
+        """The rows of the position, and those of the orientation."""
+        return slice(0, self._place.k), slice(self._place.k, self.k)
+
+    @property
     def parts(self) -> tuple[Part, ...]:
         """The position, then the orientation."""
         return self._place.parts + self._turn.parts

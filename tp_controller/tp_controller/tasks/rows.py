@@ -313,18 +313,21 @@ def _fill_part(poses, frames, jac, part, places, values, work, J, errors):  # ty
         ROWS,
         int64[:, ::1],
         CUBE,
+        FIXED,
+        int64[:, ::1],
+        FIXED,
         CUBE,
         ROWS,
         COLUMN,
-        FIXED,
+        COLUMN,
         COLUMN,
     ),
     cache=True,
     prepared=True,
 )
 def fill(  # type: ignore[no-untyped-def]
-    q, twists, poses, S, frames, moves, jac, plan, places, wraps, values, tasks, gains, work, J,
-    errors, feedforward, velocity,
+    q, twists, poses, S, frames, moves, jac, plan, places, wraps, values, tasks, gains, added,
+    groups, speeds, work, J, errors, feedforward, velocity,
 ):  # fmt: skip
     """Fill Jacobians, errors and desired velocities of tasks.
 
@@ -345,14 +348,17 @@ def fill(  # type: ignore[no-untyped-def]
     plan, places, wraps, values
         Parts, see `tp_controller.tasks.parts` (P, 8); which axes or joints their rows are
         (P, w), which rows wrap (P, w), and their targets (P, w).
-    tasks, gains
-        First row and number of rows of every task (T, 2), and its gain (T, k, k).
+    tasks, gains, added
+        First row and number of rows of every task (T, 2), its gain (T, k, k), and the velocities
+        (K,) that are added to the gain terms.
+    groups, speeds
+        First row and number of rows that have a largest speed together (G, 2), and that (G,).
     work
         Space to work in (8, 6, n), at least 3 columns.
     J, errors
         Results: Jacobian (K, n) and error (K,) of every row.
     feedforward, velocity
-        Velocities (K,) that are added to the gain terms; result: desired velocities (K,).
+        Results: desired velocities (K,), and the part of them (K,) that is no gain term.
     """
     for f in range(frames.size):
         frame_jacobian(twists, S, moves[f], poses[frames[f], 3], jac[f])
@@ -367,7 +373,21 @@ def fill(  # type: ignore[no-untyped-def]
     for t in range(tasks.shape[0]):
         first, k = tasks[t, 0], tasks[t, 1]
         for i in range(k):
-            total = feedforward[first + i]
+            total = added[first + i]
+            feedforward[first + i] = total
             for j in range(k):
                 total += gains[t, i, j] * errors[first + j]
             velocity[first + i] = total
+    for g in range(speeds.size):
+        if not speeds[g] < math.inf:
+            continue
+        first, end = groups[g, 0], groups[g, 0] + groups[g, 1]
+        square = 0.0
+        for r in range(first, end):
+            square += velocity[r] * velocity[r]
+        if not square > speeds[g] * speeds[g]:
+            continue
+        share = speeds[g] / math.sqrt(square)
+        for r in range(first, end):
+            velocity[r] *= share
+            feedforward[r] *= share

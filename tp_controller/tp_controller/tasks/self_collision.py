@@ -77,7 +77,7 @@ class SelfCollisionTask(ClearanceTask):
         ),
         **THRESHOLDS,
     }
-    without = ('target', 'time_scaling', 'around')
+    without = ('target', 'max_speed', 'time_scaling', 'around')
     target_words = ''
 
     def __init__(

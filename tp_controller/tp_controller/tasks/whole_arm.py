@@ -133,7 +133,7 @@ class WholeArmTask(ClearanceTask):
     """
 
     type = 'obstacle'
-    without = ('target', 'time_scaling', 'around')
+    without = ('target', 'max_speed', 'time_scaling', 'around')
     target_key = 'center'
     target_words = 'centre [m]'
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,9 @@ class Times(NamedTuple):
         When the listener took each command and looked at the following [s] (k,).
     waited
         Time [s] that the threads of both nodes had spent waiting for a processor by then (k,).
+    longest
+        Longest time [s] that one of these threads waited, of the waits that ended since the look
+        before (k,): Linux counts a wait when it ends.
     ran
         Time [s] that the controller's threads had run by then (k,).
     """
@@ -45,6 +49,7 @@ class Times(NamedTuple):
     answered: Vector
     noted: Vector
     waited: Vector
+    longest: Vector
     ran: Vector
 
 
@@ -59,10 +64,10 @@ def ages(times: Times) -> tuple[Vector, Vector]:
 def missed(times: Times, period: float, pauses: Sequence[Pause]) -> Counter[str]:
     """Count joint states without a command by cause, but for the last one.
 
-    The first cause that fits counts: the machine did not run the timer process or the nodes for a
-    quarter of a period or more; the next joint state came sooner than half a period after it; the
-    command before was sent later than a period after its joint state; the controller ran for more
-    than a period between the commands around it.
+    The first cause that fits counts: the machine did not run the timer process or a thread of the
+    nodes for a quarter of a period or more; the next joint state came sooner than half a period
+    after it; the command before was sent later than a period after its joint state; the
+    controller ran for more than a period between the commands around it.
 
     Parameters
     ----------
@@ -76,11 +81,31 @@ def missed(times: Times, period: float, pauses: Sequence[Pause]) -> Counter[str]
     found: Counter[str] = Counter()
     answered = np.isin(times.stamps, times.answers)
     # One after the other: a busy machine has hundreds of thousands of them in an hour.
+    pauses = _joined(pauses, _waits(times, SHARE * period))
     begins, ends = np.array([(pause.begin, pause.end) for pause in pauses]).reshape(-1, 2).T
     for k in np.flatnonzero(~answered[:-1]):
         begin, end = times.sent[k] - period, times.sent[k + 1] + period
         first, last = np.searchsorted(ends, begin, 'right'), np.searchsorted(begins, end)
         found[_cause(times, int(k), begin, end, period, pauses[first:last])] += 1
+    return found
+
+
+def _waits(times: Times, least: float) -> list[Pause]:
+    """Times in which a thread of the nodes waited for a processor for long enough [s]."""
+    return [
+        Pause(times.noted[k] - times.longest[k], times.noted[k])
+        for k in np.flatnonzero(times.longest > least)
+    ]
+
+
+def _joined(*pauses: Sequence[Pause]) -> list[Pause]:
+    """All times that any of the pauses covers, in order and apart."""
+    found: list[Pause] = []
+    for pause in sorted(chain.from_iterable(pauses)):
+        if found and pause.begin <= found[-1].end:
+            found[-1] = Pause(found[-1].begin, max(found[-1].end, pause.end))
+        else:
+            found.append(pause)
     return found
 
 

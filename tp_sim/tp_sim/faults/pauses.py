@@ -1,7 +1,7 @@
 """A bare timer process that tells when the machine did not run it in time.
 
-``python -m tp_sim.faults.pauses`` prints one line for each pause: its begin and end [s] by the
-wall clock. It asks for the same priority as the nodes.
+``python -m tp_sim.faults.pauses [LEAST]`` prints one line for each pause of at least so many
+seconds: its begin and end [s] by the wall clock. It asks for the same priority as the nodes.
 """
 
 from __future__ import annotations
@@ -17,18 +17,19 @@ from tp_sim.harness import Process
 TICK = 0.001
 """Time [s] that it sleeps."""
 LEAST = 0.002
-"""A wake-up that is later [s] is a pause."""
+"""A wake-up that is later [s] is a pause, unless told otherwise."""
 PRIORITY = -10
 
 
 def main() -> None:
     """Sleep again and again, and print pauses."""
+    least = float(sys.argv[1]) if len(sys.argv) > 1 else LEAST
     take_priority()
     while True:
         due = time.time() + TICK
         time.sleep(TICK)
         now = time.time()
-        if now - due > LEAST:
+        if now - due > least:
             print(f'{due!r} {now!r}', flush=True)
 
 
@@ -39,12 +40,17 @@ def take_priority() -> None:
 
 
 class PauseWatch:
-    """The process, and what it told."""
+    """The process, and what it told.
 
-    def __init__(self) -> None:
-        self._process = Process(
-            'pauses', [sys.executable, '-m', 'tp_sim.faults.pauses'], dict(os.environ)
-        )
+    Parameters
+    ----------
+    least
+        Time [s] by which a wake-up is too late.
+    """
+
+    def __init__(self, least: float = LEAST) -> None:
+        command = [sys.executable, '-m', 'tp_sim.faults.pauses', repr(least)]
+        self._process = Process('pauses', command, dict(os.environ))
 
     def pauses(self, begin: float = 0.0) -> list[Pause]:
         """Pauses that ended after a time [s]."""
