@@ -41,6 +41,11 @@ SLOWER = 0.5
 """A joint that moves by less than this share of its command is taken as it moves."""
 DOUBTFUL = 0.2
 """A time between states that differs from the period by more than this share may be wrong."""
+PAUSE, PAUSE_LEAST = 5.0, 0.03
+"""After so many periods without a command, so much time [s] at least, and delay and lag, a driver
+may have stopped the arm. A late command has acted by then."""
+SOON = 0.5
+"""A command that was sent later than this share of a period after its state is late."""
 JUMP = 3.0
 """So many times as far as its velocity limit lets it a joint does not get."""
 JUMP_LEAST = 0.05
@@ -98,6 +103,8 @@ class Arm:
         What was wrong with the last state, by joint and amount; empty if nothing was.
     limit
         Velocity limits (n,) [rad/s, m/s] that tell a jump.
+    late
+        Whether the last command may have come too late to act before the next state is measured.
     upper, lower, held_upper, held_lower
         As `tp_controller.following.farthest`; not for an ideal arm.
     """
@@ -138,7 +145,12 @@ class Arm:
         held = math.ceil(response.hold / period - SAME) + 1 if response.hold else 0
         self.upper, self.lower = np.zeros((2, n))
         self.held_upper, self.held_lower = np.zeros((2, held, n))
+        self.late = False
+        self._under_way: Matrix | None = None
+        """Commands before the last state, if that changed them."""
         self._allowed = self._allowed_time()
+        slow = float(np.max(response.delay + 3.0 * response.lag))
+        self._pause = max(PAUSE * period, PAUSE_LEAST) + slow
         self._memory = max(MEMORY, 2.0 * self._allowed)
         self._tolerances = np.array(
             [JUMP, JUMP_LEAST, FARTHEST, self._memory, PARTED, self._allowed, SLOWER]
@@ -226,6 +238,8 @@ class Arm:
 
     def undo(self) -> None:
         """Go back to before the last state."""
+        if self._under_way is not None:
+            self._commands[:], self._under_way = self._under_way, None
         self._state[:] = self._past_state
         if not self._flat:
             self._anchor[:] = self._past_anchor
@@ -311,9 +325,11 @@ class Arm:
 
         Where the time since the last state is no period it may be known badly, and with it what
         the positions say of the velocity. A joint that says itself that it moves is not taken as
-        blocked then.
+        blocked then; nor is one that still carries out the command before the last, if that came
+        late. One that says that it has stopped in a pause goes on from there.
         """
         self._asked[:] = before
+        there = self._q.copy() if self.late else self._q
         if self._moves is None:
             self._moves = self._prepared()
         call = self._moves
@@ -326,11 +342,32 @@ class Arm:
         call.replace(LIMIT, self.limit)
         if not call.run():
             return False
-        doubtful = abs(passed - self.period) > DOUBTFUL * self.period
-        if doubtful and qd is not None and not np.array_equal(before, self._asked):
-            moves = qd * np.sign(self._asked) >= SLOWER * np.abs(self._asked)
+        if self.late and passed > 0.0:
+            # A driver may give the command for the velocity: positions tell.
+            moves = _carries_out((q - there) / passed, self._commands[self._head - 1])
             before[moves] = self._asked[moves]
+        if qd is None:
+            return True
+        doubtful = abs(passed - self.period) > DOUBTFUL * self.period
+        if doubtful and not np.array_equal(before, self._asked):
+            moves = _carries_out(qd, self._asked)
+            before[moves] = self._asked[moves]
+        if passed > self._pause:
+            self._see_stops(before, qd)
         return True
+
+    def _see_stops(self, before: Vector, qd: Vector) -> None:
+        """Let joints that stand, or nearly so, after a pause go on from what they say of it."""
+        stopped = ~_carries_out(qd, before)
+        if not (stopped.any() and np.isfinite(qd).all()):
+            return
+        before[stopped] = _nearer_zero(before, qd)[stopped]
+        # What was under way is not any more.
+        self._under_way = self._commands.copy()
+        self._commands[:, stopped] = before[stopped]
+        for velocities in (self._v, self._v_high, self._v_low):
+            velocities[stopped] = before[stopped]
+        self._refer()
 
     def _placed(self, q: Vector) -> Vector:
         """Positions (n,) of a measured configuration (nq,); those of poses count from there on.
@@ -429,6 +466,7 @@ class Arm:
 
     def keep(self) -> None:
         """Let `undo` lead to the present model."""
+        self._under_way = None
         self._past_state[:], self._past = self._state, self._numbers()
         if not self._flat:
             self._past_anchor[:] = self._anchor
@@ -525,6 +563,7 @@ class Arm:
         self._doubted, self._began = False, self._now
         self._p[:] = self._q[:] = q
         self._measured[:] = self.configuration(q)
+        self._under_way = self._commands.copy()
         self._commands[:] = self._v[:] = self._v_high[:] = self._v_low[:] = before
         self._parted[:] = 0.0
         return True
@@ -663,6 +702,12 @@ class Arm:
         self._times[self._head] = self._now
         self._commands[self._head] = command
         self._measured[self._head] = self.configuration(self._q)
+
+
+def _carries_out(qd: Vector, command: Vector) -> NDArray[np.bool_]:
+    """Whether each joint moves at half of its command (n,) at least."""
+    moves: NDArray[np.bool_] = qd * np.sign(command) >= SLOWER * np.abs(command)
+    return moves
 
 
 def _nearer_zero(one: Vector, other: Vector) -> Vector:

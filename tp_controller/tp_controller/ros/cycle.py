@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from tp_controller.arm import SOON
 from tp_controller.errors import InvalidValue, UnusableState
 from tp_controller.oscillation import OscillationWatch
 from tp_controller.position_reference import PositionReference
@@ -39,6 +40,8 @@ BRAKING_PERIOD = 0.01
 """Time [s] between commands of braking where no rate is known."""
 STOPPED = 0.2
 """Time [s] beyond the limit of age without any command after which the arm is not braked: zero."""
+AFTER_BRAKING = 0.8
+"""Least time [periods] between a command of braking and one that answers a joint state."""
 AT_REST = 1e-3
 """Velocity [rad/s, m/s] of a joint that counts as at rest."""
 OSCILLATION_PERIOD = 0.5
@@ -163,6 +166,8 @@ class Cycle:
         ControlFailed
             If the computation fails in a way that nobody expects.
         """
+        if self._has_just_braked():
+            return False
         try:
             arrivals = self._intake.take()
             if not arrivals:
@@ -173,6 +178,13 @@ class Cycle:
             raise ControlFailed(f'{type(error).__name__}: {error}') from error
         finally:
             self._count()
+
+    def _has_just_braked(self) -> bool:
+        """Whether a state has to wait: two commands would change the velocity in one period."""
+        if self._moved >= self._braked or not self._watch.paced:
+            return False
+        wait = AFTER_BRAKING * self._period
+        return math.isfinite(wait) and time.monotonic() < self._braked + wait
 
     def _count(self) -> None:
         state, watch = self._state, self._watch
@@ -342,6 +354,8 @@ class Cycle:
         if not again or self._braked > self._moved:
             self._moved = arrival.taken
         self._step_time = step_time
+        late = self._watch.paced and self._age(arrival) > SOON * self._period
+        self._stack.arm.late = late
         self._copies.answered(arrival, again)
         if not again:
             self._watch.answered(arrival)
