@@ -10,8 +10,8 @@ joints' true motion is judged. The exit status is 1 if a limit of speed was brok
 changed by more than the limit of acceleration allows, or a distance was not positive.
 
 A command may differ from the one before by what the limit allows in one period, however much time
-has passed. The simulator stops the joints when no command comes for 0.3 s, as drivers do: a command
-after that counts from what the joints do.
+has passed. The simulator stops the joints when no command comes for 0.3 s, as drivers do: after
+that a command counts from what the joints do.
 
     python benchmarks/operations.py --seconds 60 --busy 4
     python benchmarks/operations.py --type joint_state_position

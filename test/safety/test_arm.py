@@ -98,7 +98,8 @@ def test_a_joint_that_carries_a_command_out_late_is_not_taken_as_blocked(seed):
     for i in range(200):
         if i % 8 == 0:
             stack.tasks['joints'].target = rng.uniform(-0.2, 0.2, 2)
-        late = stack.arm.late = bool(rng.random() < 0.4)
+        late = bool(rng.random() < 0.4)
+        stack.arm.late = PERIOD if late else 0.0
         plant.step(acting if late else sent, PERIOD)
         acting = sent
         q, qd = plant.measured()
@@ -199,8 +200,10 @@ def test_a_reset_while_moving_is_said_and_answered_by_braking(velocities):
     run(stack, plant, 200)
     plant.reset()
     q, qd = plant.measured()
+    assert not stack.braking
     with pytest.raises(UnusableState, match=r'joint_1 jumped by -\d') as caught:
         stack.step(q, PERIOD, qd if velocities else None)
+    assert stack.braking
     if velocities:
         np.testing.assert_array_equal(caught.value.command, 0.0)
     else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -43,9 +43,12 @@ DOUBTFUL = 0.2
 """A time between states that differs from the period by more than this share may be wrong."""
 PAUSE, PAUSE_LEAST = 5.0, 0.03
 """After so many periods without a command, so much time [s] at least, and delay and lag, a driver
-may have stopped the arm. A late command has acted by then."""
+may have stopped the arm."""
 SOON = 0.5
-"""A command that was sent later than this share of a period after its state is late."""
+"""A command that was sent later than this share of a period after its state may not have acted
+when the next state was measured,"""
+OVERTAKEN = 3
+"""nor may so many of those before."""
 JUMP = 3.0
 """So many times as far as its velocity limit lets it a joint does not get."""
 JUMP_LEAST = 0.05
@@ -104,7 +107,7 @@ class Arm:
     limit
         Velocity limits (n,) [rad/s, m/s] that tell a jump.
     late
-        Whether the last command may have come too late to act before the next state is measured.
+        How long [s] after its state the last command was sent.
     upper, lower, held_upper, held_lower
         As `tp_controller.following.farthest`; not for an ideal arm.
     """
@@ -145,7 +148,7 @@ class Arm:
         held = math.ceil(response.hold / period - SAME) + 1 if response.hold else 0
         self.upper, self.lower = np.zeros((2, n))
         self.held_upper, self.held_lower = np.zeros((2, held, n))
-        self.late = False
+        self.late = 0.0
         self._under_way: Matrix | None = None
         """Commands before the last state, if that changed them."""
         self._allowed = self._allowed_time()
@@ -325,11 +328,12 @@ class Arm:
 
         Where the time since the last state is no period it may be known badly, and with it what
         the positions say of the velocity. A joint that says itself that it moves is not taken as
-        blocked then; nor is one that still carries out the command before the last, if that came
+        blocked then; nor is one that still carries out a command before the last, if that came
         late. One that says that it has stopped in a pause goes on from there.
         """
         self._asked[:] = before
-        there = self._q.copy() if self.late else self._q
+        late = self.late > SOON * self.period
+        there = self._q.copy() if late else self._q
         if self._moves is None:
             self._moves = self._prepared()
         call = self._moves
@@ -342,9 +346,9 @@ class Arm:
         call.replace(LIMIT, self.limit)
         if not call.run():
             return False
-        if self.late and passed > 0.0:
+        if late and passed > 0.0:
             # A driver may give the command for the velocity: positions tell.
-            moves = _carries_out((q - there) / passed, self._commands[self._head - 1])
+            moves = _carries_out((q - there) / passed, self._slowest())
             before[moves] = self._asked[moves]
         if qd is None:
             return True
@@ -352,9 +356,14 @@ class Arm:
         if doubtful and not np.array_equal(before, self._asked):
             moves = _carries_out(qd, self._asked)
             before[moves] = self._asked[moves]
-        if passed > self._pause:
+        if passed - self.late > self._pause:
             self._see_stops(before, qd)
         return True
+
+    def _slowest(self) -> Vector:
+        """Of the commands before the last the slowest (n,); zero where they are opposite."""
+        recent = [self._commands[self._head - i] for i in range(1, OVERTAKEN + 1)]
+        return reduce(_nearer_zero, recent)
 
     def _see_stops(self, before: Vector, qd: Vector) -> None:
         """Let joints that stand, or nearly so, after a pause go on from what they say of it."""

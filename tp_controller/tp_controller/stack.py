@@ -156,6 +156,8 @@ class Stack:
         self._targets: dict[str, Vector] | None = None
         self.safety_filter = SafetyFilter(robot, period)
         self._qd, self._wish, self._fastest = np.zeros((3, robot.n))
+        self.braking = False
+        """Whether the last command brakes, or keeps the arm at rest, whatever tasks ask for."""
         self._members: list[list[Task]] = []
         self._listed: list[list[str]] = []
         self._stand_in: tuple[Task, tuple[str, ...]] | None = None
@@ -731,6 +733,7 @@ class Stack:
         # The sum of what is finite may overflow: it is only quicker.
         if not (math.isfinite(sum(q.tolist())) or np.isfinite(q).all()):
             self._refuse(q)
+        self.braking = True
         if not self.safety_filter.take(q, elapsed, qd):
             self._wish[:] = 0.0
             self.safety_filter.brake(self._qd)
@@ -763,7 +766,8 @@ class Stack:
             self._refuse(q)
         if self._unaimed:
             self._unaimed, self._just_aimed = [], []
-        if not self.arm.following:
+        self.braking = not self.arm.following
+        if self.braking:
             self._wish[:] = 0.0
             self.safety_filter.transition.give_way()
         self._qd[:] = self._wish
@@ -853,6 +857,7 @@ class Stack:
     def stay(self) -> None:
         """Turn the command of the last `step_in_place` into rest: the arm has not moved yet."""
         self._qd[:] = self._achieved[:] = 0.0
+        self.braking = True
         self.rest()
 
     def brake(
@@ -872,6 +877,7 @@ class Stack:
             Joint velocity (n,) [rad/s, m/s]; a read-only view that the next step overwrites.
         """
         self._wish[:] = 0.0
+        self.braking = True
         if q is not None:
             self.safety_filter.take(q, elapsed, qd)
         self.safety_filter.brake(self._qd, elapsed if q is None else None)
