@@ -353,8 +353,6 @@ class Cycle:
         if not again or self._braked > self._moved:
             self._moved = arrival.taken
         self._step_time = step_time
-        # A simulation that waits has carried every command out.
-        self._stack.arm.late = self._age(arrival) if self._watch.paced else 0.0
         self._copies.answered(arrival, again)
         if not again:
             self._watch.answered(arrival)
@@ -396,6 +394,7 @@ class Cycle:
         else:
             command = self._reference.brake()
         self._commands.send(command)
+        self._stack.arm.late = age
         self._note_answer(arrival, False, step_time)
         self._copies.braked()
 
@@ -424,6 +423,8 @@ class Cycle:
         state, lateness = self._state, self._lateness
         # The first steps after a rest move little, and load what is used for the first time.
         late = lateness.end(arrival.age, arrival.taken, self.running and not again)
+        # A simulation that waits has carried every command out.
+        self._stack.arm.late = lateness.age if self._watch.paced else 0.0
         if late:
             self._warnings.warn('late', late)
         elif self.running and lateness.limit < elapsed < math.inf and lateness.on_time:
