@@ -153,6 +153,7 @@ class _Keeper:
             start=0,
             joints=tuple(robot.joints),
             coordinates=tuple(robot.coordinates),
+            braking=none > 0.0,
             age=none,
             solve_time=none,
             tasks=tuple(courses),

@@ -122,3 +122,21 @@ def test_goals_out_of_reach(monkeypatch):
     monkeypatch.setattr(unreachable, 'WATCH', 1.0)
     monkeypatch.setattr(unreachable, 'LATEST', 6.0)
     assert unreachable.chase('planar', 'null_space', 0).passed
+
+
+def test_a_change_of_command_is_judged_from_one_command_to_the_next_whatever_the_time(benchmarks):
+    from operations import Record, largest_change
+
+    def record(times, values):
+        made = Record([], [], '')
+        made.times, made.values = np.array(times), np.array(values)[:, None]
+        return made
+
+    allowed, true = np.array([0.1]), record([0.0, 0.3], [0.5, 0.0])
+    even = record([0.0, 0.002, 0.03, 0.035], [0.5, 0.6, 0.7, 0.6])
+    assert largest_change(even, true, allowed) == pytest.approx(1.0)
+    late = record([0.0, 0.05], [0.5, 0.8])
+    assert largest_change(late, true, allowed) == pytest.approx(3.0)
+    for begin, share in ((0.5, 5.0), (0.1, 1.0)):
+        after_a_stop = record([0.0, 0.3, 0.305], [0.5, begin, 0.0])
+        assert largest_change(after_a_stop, true, allowed) == pytest.approx(share)

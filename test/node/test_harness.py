@@ -30,6 +30,28 @@ def test_real_time_runs_as_long_as_asked_and_records_from_the_first_cycle(config
     assert record.error_norm['ee_position'][-1] < record.error_norm['ee_position'][0]
 
 
+@pytest.mark.parametrize('by', [0.02, 1.0])
+def test_after_a_reset_the_arm_is_where_it_was_put_and_the_command_answers_the_tasks(config, by):
+    """A jump by a little looks like an arm that does not follow, which is braked for a while."""
+    with ClosedLoop(config / 'a4_position_joint.yaml') as loop:
+        loop.run(0.5)
+        braking = []
+        loop.client.on_state.append(lambda state: braking.append(state.braking))
+        place = {f'joint_{i + 1}': float(q + by) for i, q in enumerate(loop.record.q[-1])}
+        begin = loop.time
+        loop.reset(place)
+        assert any(braking)
+        assert not loop.state.braking
+        assert list(loop.state.position) == pytest.approx(list(place.values()), abs=1e-9)
+        assert np.abs(loop.state.command).max() > 0.1
+        assert loop.time - begin < 2.0
+        for name in ('ee_position', 'joint_1_position'):
+            loop.set_parameters({f'tasks.{name}.enabled': False})
+        loop.reset()
+        assert loop.state.braking
+        assert list(loop.state.position) == pytest.approx([0.0, 0.6, 0.3], abs=1e-9)
+
+
 def test_a_node_that_refuses_its_parameters_is_reported_with_its_message(config):
     changes = {'tp_controller': {'hierarchy': ['hand']}}
     with pytest.raises(HarnessError, match="status 2:\ntp_controller: hierarchy: got 'hand'"):

@@ -35,8 +35,8 @@ def running(config):
 def loop(running):
     running.reset()
     running.set_parameters({'hierarchy': ['ee_position', 'posture']})
+    running.step(0)
     for task in ('ee_position', 'posture'):
-        running.step(1)
         running.send_goal(task, running.client.task(task).current)
     running.step(1)
     running.clear_record()

@@ -70,6 +70,14 @@ def test_every_status_has_a_name_here_and_in_diagnostics(repository):
     assert state_words.STATUS[state_words.RUNNING] == 'RUNNING'
 
 
+def test_braking_is_told_beside_the_status_while_joint_states_are_answered():
+    state = some_state()
+    state.braking = True
+    assert shown(state)[0] == '/arm/tp_controller  RUNNING  braking, tasks do not count'
+    state.status = ControllerState.HELD
+    assert shown(state)[0] == '/arm/tp_controller  HELD'
+
+
 def test_silence_is_told_above_the_last_state():
     assert shown(None, silence='nothing publishes it') == ['nothing publishes it']
     lines = shown(some_state(), silence='no state for 3 s')

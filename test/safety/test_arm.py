@@ -87,6 +87,27 @@ def test_an_arm_that_was_blocked_starts_again_from_standstill():
     assert stack.arm.notice == ''
 
 
+@given(seeds)
+@examples(20)
+def test_a_joint_that_carries_a_command_out_late_is_not_taken_as_blocked(seed):
+    """Late commands act a period later; near standstill a joint then seems to turn back."""
+    rng = np.random.default_rng(seed)
+    stack = joint_stack(target=(0.0, 0.0))
+    plant = plant_of(stack)
+    sent = acting = np.zeros(2)
+    for i in range(200):
+        if i % 8 == 0:
+            stack.tasks['joints'].target = rng.uniform(-0.2, 0.2, 2)
+        late = bool(rng.random() < 0.4)
+        stack.arm.late = PERIOD if late else 0.0
+        plant.step(acting if late else sent, PERIOD)
+        acting = sent
+        q, qd = plant.measured()
+        command = stack.step(q, PERIOD, qd).command.copy()
+        assert np.abs(command - sent).max() <= CHANGE * (1.0 + 1e-9)
+        sent = command
+
+
 def test_a_joint_that_says_it_moves_is_not_blocked_if_the_time_is_known_badly():
     """Without stamps a sender that is late by a period and more looks like a joint that slows."""
     stack = joint_stack()
@@ -98,6 +119,37 @@ def test_a_joint_that_says_it_moves_is_not_blocked_if_the_time_is_known_badly():
     q, qd = plant.measured()
     after = stack.step(q, 2.2 * PERIOD, qd).command
     assert np.abs(after - before).max() <= CHANGE * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize('pause', [12, 13, 14, 17, 25])
+@pytest.mark.parametrize('response', [{}, {'noise': 1e-3}, {'delay': 1}, {'lag': 0.01}])
+def test_an_arm_that_its_driver_stopped_in_a_pause_starts_again_from_standstill(response, pause):
+    """A controller that is not scheduled sends nothing; drivers then stop the arm in time."""
+    known = {key: value * (PERIOD if key == 'delay' else 1.0) for key, value in response.items()}
+    stack = joint_stack(**{key: [value] for key, value in known.items()})
+    limits = stack.robot.limits
+    plant = Plant(Integrator(np.zeros(2), limits), PlantSettings(**response), 10 * PERIOD)
+    run(stack, plant, 100)
+    assert plant.qd[0] == pytest.approx(2.0)
+    for _ in range(pause):
+        plant.step(None, PERIOD)
+    assert np.abs(plant.qd).max() < 0.5
+    answers = []
+    q, qd = plant.measured()
+    # The first answer came too late: there is a second one from the same state.
+    for _ in range(2):
+        try:
+            command = stack.step(q, (pause + 1) * PERIOD, qd).command
+        except UnusableState as error:
+            command = error.command
+        answers.append(command.copy())
+        if len(answers) == 1:
+            stack.undo()
+    assert np.array_equal(*answers)
+    plant.step(command, PERIOD)
+    speeds = np.abs(np.vstack([qd, plant.qd, run(stack, plant, 200)[0]])).max(axis=1)
+    assert np.diff(speeds).max() <= CHANGE * (1.0 + 1e-9)
+    assert speeds[-1] == pytest.approx(2.0)
 
 
 def test_a_blocked_joint_is_held_though_its_driver_says_the_command_as_velocity():
@@ -148,8 +200,10 @@ def test_a_reset_while_moving_is_said_and_answered_by_braking(velocities):
     run(stack, plant, 200)
     plant.reset()
     q, qd = plant.measured()
+    assert not stack.braking
     with pytest.raises(UnusableState, match=r'joint_1 jumped by -\d') as caught:
         stack.step(q, PERIOD, qd if velocities else None)
+    assert stack.braking
     if velocities:
         np.testing.assert_array_equal(caught.value.command, 0.0)
     else:

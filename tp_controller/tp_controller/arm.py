@@ -117,6 +117,15 @@ class Arm:
         self._judgement.limit = limit
 
     @property
+    def late(self) -> float:
+        """How long [s] after its state the last command was sent."""
+        return self._judgement.late
+
+    @late.setter
+    def late(self, seconds: float) -> None:
+        self._judgement.late = seconds
+
+    @property
     def reference(self) -> Vector:
         """Reference configuration (nq,) [rad, m]; overwritten by the next state."""
         return self._chart.reference

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,14 @@ SLOWER = 0.5
 """A joint that moves by less than this share of its command is taken as it moves."""
 DOUBTFUL = 0.2
 """A time between states that differs from the period by more than this share may be wrong."""
+PAUSE, PAUSE_LEAST = 5.0, 0.03
+"""After so many periods without a command, so much time [s] at least, and delay and lag, a driver
+may have stopped the arm."""
+SOON = 0.5
+"""A command that was sent later than this share of a period after its state may not have acted
+when the next state was measured,"""
+OVERTAKEN = 3
+"""nor may so many of those before."""
 JUMP = 3.0
 """So many times as far as its velocity limit lets it a joint does not get."""
 JUMP_LEAST = 0.05
@@ -54,6 +62,8 @@ class Judgement:
     ----------
     limit
         Velocity limits (n,) [rad/s, m/s] that tell a jump.
+    late
+        How long [s] after its state the last command was sent.
     following
         Whether the arm does what it is commanded to.
     doubted
@@ -67,13 +77,15 @@ class Judgement:
         self._joints, self._model, self._chart = tuple(joints), model, chart
         self._measured = np.zeros((model.times.size, chart.space.nq))
         """Configurations (m, nq) that the commands of the ring answer; not for an ideal arm."""
-        self.limit = np.full(n, math.inf)
+        self.limit, self.late = np.full(n, math.inf), 0.0
         self._found, self._asked, self._q, self._qd = np.zeros(2), *np.zeros((3, n))
         self._follow: Prepared | None = None
         self._begin: Prepared | None = None
         response = model.response
         slow = 0.5 * float(np.max(response.delay + response.lag))
         self._allowed = max(2.0 * model.period, RESPONSE) + slow + 2.0 * response.hold
+        response_time = float(np.max(response.delay + 3.0 * response.lag))
+        self._pause = max(PAUSE * model.period, PAUSE_LEAST) + response_time
         self._memory = max(MEMORY, 2.0 * self._allowed)
         self._tolerances = np.array(
             [JUMP, JUMP_LEAST, FARTHEST, self._memory, PARTED, self._allowed, SLOWER]
@@ -129,7 +141,8 @@ class Judgement:
 
         Where the time since the last state is no period it may be known badly, and with it what
         the positions say of the velocity. A joint that says itself that it moves is not taken as
-        blocked then.
+        blocked then; nor is one that still carries out a command before the last, if that came
+        late. One that says that it has stopped in a pause goes on from there.
 
         Parameters
         ----------
@@ -142,16 +155,41 @@ class Judgement:
         if self._follow is None:
             self._follow = self._prepared_follow()
         self._q[:] = q
+        model = self._model
+        late = self.late > SOON * model.period
+        there = model.state.q.copy() if late else model.state.q
         if not self._run(self._follow, before, passed):
             return False
-        period = self._model.period
-        doubtful = abs(passed - period) > DOUBTFUL * period
-        if doubtful and qd is not None and not np.array_equal(before, self._asked):
-            moves = qd * np.sign(self._asked) >= SLOWER * np.abs(self._asked)
+        if late and passed > 0.0:
+            # A driver may give the command for the velocity: positions tell.
+            moves = _carries_out((q - there) / passed, self._slowest())
             before[moves] = self._asked[moves]
+        if qd is not None:
+            doubtful = abs(passed - model.period) > DOUBTFUL * model.period
+            if doubtful and not np.array_equal(before, self._asked):
+                moves = _carries_out(qd, self._asked)
+                before[moves] = self._asked[moves]
+            if passed - self.late > self._pause:
+                self._see_stops(before, qd)
         self.doubted = False
         self._judge(q, before)
         return True
+
+    def _slowest(self) -> Vector:
+        """Of the commands before the last the slowest (n,); zero where they are opposite."""
+        model = self._model
+        recent = [model.commands[model.head - i] for i in range(1, OVERTAKEN + 1)]
+        return reduce(_nearer_zero, recent)
+
+    def _see_stops(self, before: Vector, qd: Vector) -> None:
+        """Let joints that stand, or nearly so, after a pause go on from what they say of it."""
+        stopped = ~_carries_out(qd, before)
+        if not (stopped.any() and np.isfinite(qd).all()):
+            return
+        before[stopped] = _nearer_zero(before, qd)[stopped]
+        # What was under way is not any more.
+        self._model.turn(stopped, before)
+        self._model.refer()
 
     def _run(self, call: Prepared, before: Vector, more: float) -> bool:
         model = self._model
@@ -343,6 +381,12 @@ class Judgement:
 
     def _refuse(self, q: Vector) -> None:
         self.notice = f'no joint can be at the position {shown(q)}'
+
+
+def _carries_out(qd: Vector, command: Vector) -> NDArray[np.bool_]:
+    """Whether each joint moves at half of its command (n,) at least."""
+    moves: NDArray[np.bool_] = qd * np.sign(command) >= SLOWER * np.abs(command)
+    return moves
 
 
 def _nearer_zero(one: Vector, other: Vector) -> Vector:

@@ -73,6 +73,8 @@ class ArmModel:
         self.times, self.commands = np.zeros(m), np.zeros((m, n))
         self.state = ArmState.zero(n)
         self._past_rows = self.state.rows.copy()
+        self._past_commands: Matrix | None = None
+        """Commands before the last state, if that changed them."""
         held = math.ceil(response.hold / period - SAME) + 1 if response.hold else 0
         self.upper, self.lower = np.zeros((2, n))
         self.held_upper, self.held_lower = np.zeros((2, held, n))
@@ -99,11 +101,13 @@ class ArmModel:
 
     def keep(self) -> None:
         """Let `undo` lead to the present model."""
-        self._past_rows[:] = self.state.rows
+        self._past_rows[:], self._past_commands = self.state.rows, None
         self._past = self.now, self.head, self.step
 
     def undo(self) -> None:
         """Go back to the model that was kept."""
+        if self._past_commands is not None:
+            self.commands[:], self._past_commands = self._past_commands, None
         self.state.rows[:] = self._past_rows
         self.now, self.head, self.step = self._past
 
@@ -122,7 +126,14 @@ class ArmModel:
         """Be at positions (n,), as an arm that has moved with constant velocities (n,)."""
         state = self.state
         state.p[:] = state.q[:] = q
-        self.commands[:] = state.v[:] = state.v_high[:] = state.v_low[:] = velocity
+        self.turn(np.ones(q.size, dtype=bool), velocity)
+
+    def turn(self, joints: NDArray[np.bool_], velocity: Vector) -> None:
+        """Let some joints (n,) have moved with constant velocities (n,) all the time."""
+        self._past_commands = self.commands.copy()
+        self.commands[:, joints] = velocity[joints]
+        for velocities in (self.state.v, self.state.v_high, self.state.v_low):
+            velocities[joints] = velocity[joints]
 
     def pass_time(self, elapsed: float | None) -> float:
         """Time that has passed; bounds are computed for late cycles to come, if any were."""

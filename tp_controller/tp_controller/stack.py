@@ -537,6 +537,11 @@ class Stack:
         for task in self.tasks.values():
             task.know_period(period)
 
+    @property
+    def braking(self) -> bool:
+        """Whether the last command brakes, or keeps the arm at rest, whatever tasks ask for."""
+        return self._stepper.braking
+
     def stay(self) -> None:
         """Turn the command of the last `step_in_place` into rest: the arm has not moved yet."""
         self._stepper.stay()

@@ -59,6 +59,11 @@ def explained(state: Any) -> bool:
     return state.status == RUNNING and abs(age) < RECENT
 
 
+def brakes(state: Any) -> bool:
+    """Whether the controller brakes though it answers joint states and no hold asks for it."""
+    return bool(state.status == RUNNING and state.braking)
+
+
 def level_of(state: Any, task: Any) -> Any:
     """What is known of a task's level; it may be of a moment ago, when levels were others."""
     if not explained(state):

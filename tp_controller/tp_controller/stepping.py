@@ -50,6 +50,8 @@ class Stepper:
         The rows of the tasks, with the command of the last step.
     answer
         Joint velocity (n,) that the solver gave in the last step.
+    braking
+        Whether the last command brakes, or keeps the arm at rest, whatever tasks ask for.
     """
 
     def __init__(
@@ -62,7 +64,7 @@ class Stepper:
         settle: bool,
     ) -> None:
         self._robot, self._filter, self._aims = robot, safety_filter, aims
-        self.settle = settle
+        self.settle, self.braking = settle, False
         self.answer, self._fastest = np.zeros((2, robot.n))
         self.use(rows, solver)
 
@@ -97,6 +99,7 @@ class Stepper:
         # The sum of what is finite may overflow: it is only quicker.
         if not (math.isfinite(sum(q.tolist())) or np.isfinite(q).all()):
             self._refuse(q)
+        self.braking = True
         if not safety_filter.take(q, elapsed, qd):
             answer[:] = 0.0
             safety_filter.brake(rows.command)
@@ -123,7 +126,8 @@ class Stepper:
             self._refuse(q)
         if aims.waiting:
             aims.settle()
-        if not safety_filter.arm.following:
+        self.braking = not safety_filter.arm.following
+        if self.braking:
             answer[:] = 0.0
             safety_filter.transition.give_way()
         rows.command[:] = answer
@@ -195,6 +199,7 @@ class Stepper:
     def brake(self, elapsed: float | None, q: Vector | None, qd: Vector | None) -> Vector:
         """Compute the next command (n,) of braking to rest; as `Stack.brake`."""
         self.answer[:] = 0.0
+        self.braking = True
         if q is not None:
             self._filter.take(q, elapsed, qd)
         self._filter.brake(self.rows.command, elapsed if q is None else None)
@@ -204,6 +209,7 @@ class Stepper:
     def stay(self) -> None:
         """Turn the command of the last step into rest: the arm has not moved yet."""
         self.rows.command[:] = self.rows.achieved[:] = 0.0
+        self.braking = True
         self._filter.rest()
 
     def problem(self, state: State, elapsed: float | None, qd: Vector | None) -> Problem:

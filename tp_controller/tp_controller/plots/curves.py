@@ -154,6 +154,7 @@ def timing(run: Run) -> Figure:
     with styled():
         figure, axes = panels(3, 1.5)
         scale, age, solving = axes[:, 0]
+        shade(scale, run.time, run.braking)
         scale.plot(run.time, run.scale, color=color(0))
         scale.set_ylabel('scale [-]')
         scale.set_ylim(-0.02, 1.05)

@@ -85,6 +85,8 @@ class Run(NamedTuple):
     """Commanded velocities (N, n) [rad/s, m/s]."""
     scale: Array
     """What velocity limits left of the command (N,)."""
+    braking: NDArray[np.bool_]
+    """Whether each command braked, or kept the arm at rest, whatever the tasks asked for (N,)."""
     age: Array
     """Age of each command when it was sent (N,) [s]."""
     solve_time: Array
@@ -143,6 +145,8 @@ def run_of(states: Iterable[Any]) -> Run:
         q=np.array([state.position for state in kept]),
         command=np.array([state.command for state in kept]),
         scale=np.array([state.scale for state in kept]),
+        # Older recordings do not tell.
+        braking=np.array([getattr(state, 'braking', False) for state in kept]),
         age=np.array([state.command_age for state in kept]),
         solve_time=np.array([state.solve_time for state in kept]),
         tasks=tuple(courses),

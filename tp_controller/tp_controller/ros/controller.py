@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import Executor, TimeoutException
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from visualization_msgs.msg import MarkerArray
 
@@ -60,7 +61,7 @@ LEAST_STATE_PERIOD = 0.01
 LONGEST_SILENCE = 0.1
 """Time [s] after which the state is published even while joint states wait."""
 NEIGHBOUR_PERIOD = 1.0
-"""Time [s] between two looks for other publishers."""
+"""Time [s] between two looks for other publishers; all that are not heard are found in it."""
 SERVE_PERIOD = 0.03
 """Time [s] between two looks for other things to do at least,"""
 SERVE_AGAIN = 0.02
@@ -511,6 +512,8 @@ class ControllerNode(ManagedNode):
         if self._control():
             self._publish_cycle(False)
         self._diagnostics.health.see()
+        share = self._cycle.look_period / NEIGHBOUR_PERIOD
+        self._neighbours.listen(self._inputs_polled, share)
         for task in self._stack.tasks.values():
             for notice in task.take_notices():
                 self._warnings.warn(f'{task.name} contact', notice)
@@ -529,6 +532,11 @@ class ControllerNode(ManagedNode):
             self._cycle.brake()
         self._publish_state()
 
+    @property
+    def _inputs_polled(self) -> list[Subscription]:
+        """All that are polled."""
+        return [self._intake.subscription, *self._inputs.subscriptions]
+
     def _brake(self) -> None:
         self._cycle.brake()
         self._hold.look()
@@ -545,5 +553,6 @@ class ControllerNode(ManagedNode):
     def _look_around(self) -> None:
         self._warnings.flush()
         self._neighbours.look()
-        self._neighbours.listen([self._intake.subscription, *self._inputs.subscriptions])
+        if not self.active:
+            self._neighbours.listen(self._inputs_polled)
         self._watch.single_publisher = self._neighbours.alone

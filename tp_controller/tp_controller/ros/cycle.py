@@ -40,6 +40,8 @@ BRAKING_PERIOD = 0.01
 """Time [s] between commands of braking where no rate is known."""
 STOPPED = 0.2
 """Time [s] beyond the limit of age without any command after which the arm is not braked: zero."""
+AFTER_BRAKING = 0.8
+"""Least time [periods] between a command of braking and one that answers a joint state."""
 AT_REST = 1e-3
 """Velocity [rad/s, m/s] of a joint that counts as at rest."""
 OSCILLATION_PERIOD = 0.5
@@ -164,6 +166,8 @@ class Cycle:
         ControlFailed
             If the computation fails in a way that nobody expects.
         """
+        if self._has_just_braked():
+            return False
         try:
             arrivals = self._intake.take()
             if not arrivals:
@@ -174,6 +178,13 @@ class Cycle:
             raise ControlFailed(f'{type(error).__name__}: {error}') from error
         finally:
             self._count()
+
+    def _has_just_braked(self) -> bool:
+        """Whether a state has to wait: two commands would change the velocity in one period."""
+        if self._moved >= self._braked or not self._watch.paced:
+            return False
+        wait = AFTER_BRAKING * self._period
+        return math.isfinite(wait) and time.monotonic() < self._braked + wait
 
     def _count(self) -> None:
         state, watch = self._state, self._watch
@@ -384,6 +395,7 @@ class Cycle:
         else:
             command = self._reference.brake()
         self._commands.send(command)
+        self._stack.arm.late = age
         self._note_answer(arrival, False, step_time)
         self._copies.braked()
 
@@ -412,6 +424,8 @@ class Cycle:
         state, lateness = self._state, self._lateness
         # The first steps after a rest move little, and load what is used for the first time.
         late = lateness.end(arrival.age, arrival.taken, self.running and not again)
+        # A simulation that waits has carried every command out.
+        self._stack.arm.late = lateness.age if self._watch.paced else 0.0
         if late:
             self._warnings.warn('late', late)
         elif self.running and lateness.limit < elapsed < math.inf and lateness.on_time:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 from rclpy.node import Node
 from rclpy.qos import ReliabilityPolicy
@@ -10,6 +10,9 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from tp_controller.ros.warnings import Warnings
+
+ROUNDING = 1e-9
+"""Share of a look that rounding may take."""
 
 
 class Neighbours:
@@ -36,6 +39,7 @@ class Neighbours:
         self._warnings = warnings
         self._state_topic = state_topic
         self._found: dict[str, bool] = {}
+        self._turn, self._due = -1, 0.0
 
     @property
     def alone(self) -> bool:
@@ -50,26 +54,43 @@ class Neighbours:
             if several and seen:
                 self._warnings.warn(topic, f'{topic} has {self._names(topic)}: {hazard}')
 
-    def listen(self, subscriptions: Iterable[Subscription]) -> None:
-        """Warn of publishers that polled subscriptions do not hear."""
-        for subscription in subscriptions:
-            topic = str(subscription.topic_name)
-            if not self._node.count_publishers(topic):
-                continue
-            known = _type_name(subscription.msg_type)
-            for info in self._node.get_publishers_info_by_topic(topic):
-                if info.topic_type != known:
-                    self._warnings.warn(
-                        f'{topic} type',
-                        f'{topic}: {_name(info)} publishes {info.topic_type}, which is not '
-                        f'heard; it takes {known}',
-                    )
-                elif info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
-                    self._warnings.warn(
-                        f'{topic} reliability',
-                        f'{topic}: {_name(info)} publishes as best effort, which is not heard; '
-                        f'reliable is',
-                    )
+    def listen(self, subscriptions: Sequence[Subscription], share: float = 1.0) -> None:
+        """Warn of publishers that polled subscriptions do not hear.
+
+        A look at a topic takes some microseconds as long as all its publishers are heard.
+
+        Parameters
+        ----------
+        subscriptions
+            All of them.
+        share
+            Which share of them is looked at now; the others follow in turn.
+        """
+        self._due += share * len(subscriptions) + ROUNDING
+        looks, self._due = divmod(self._due, 1.0)
+        for _ in range(int(looks)):
+            self._turn = (self._turn + 1) % len(subscriptions)
+            handle = subscriptions[self._turn].handle
+            there = self._node.handle.get_count_publishers(handle.get_topic_name())
+            if there > handle.get_publisher_count():
+                self._tell_unheard(subscriptions[self._turn])
+
+    def _tell_unheard(self, subscription: Subscription) -> None:
+        """Warn of those that do not fit; others have come just now."""
+        topic, known = str(subscription.topic_name), _type_name(subscription.msg_type)
+        for info in self._node.get_publishers_info_by_topic(topic):
+            if info.topic_type != known:
+                self._warnings.warn(
+                    f'{topic} type',
+                    f'{topic}: {_name(info)} publishes {info.topic_type}, which is not '
+                    f'heard; it takes {known}',
+                )
+            elif info.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT:
+                self._warnings.warn(
+                    f'{topic} reliability',
+                    f'{topic}: {_name(info)} publishes as best effort, which is not heard; '
+                    f'reliable is',
+                )
 
     def _names(self, topic: str) -> str:
         names = publishers(self._node, topic)

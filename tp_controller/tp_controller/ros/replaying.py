@@ -26,7 +26,7 @@ from tp_controller.ros.intake import Intake
 from tp_controller.ros.joint_states import JointStateValues
 from tp_controller.ros.replayed_inputs import ReplayedInputs
 from tp_controller.ros.state import StateMessage
-from tp_controller.ros.state_watch import Arrival, StateWatch
+from tp_controller.ros.state_watch import Arrival, Lag, StateWatch
 from tp_controller.ros.task_inputs import TaskInputs
 from tp_controller.ros.warnings import Warnings
 from tp_interfaces.msg import ControllerState
@@ -122,6 +122,7 @@ class Replay:
         self._inputs = TaskInputs(middleware, settings, self._state, warnings, period, _ignore)
         self._inputs.active = True
         self._watch = StateWatch(math.inf, period)
+        self._pace, self._paced = Lag(values['timeouts.joint_state']), False
         self._intake = _Intake()
         reference = None
         if values['command.type'] in POSITION_TYPES:
@@ -210,6 +211,10 @@ class Replay:
                 braked = 0
             self._given.before(recorded, sent)
             self._answer(arrival)
+            # Commands of a simulation that waited for them were not late.
+            self._pace.age(1e-9 * stamp, 1e-9 * arrival.sent)
+            self._paced |= self._pace.steady
+            self._stack.arm.late = recorded.command_age if self._paced else 0.0
             velocity = self._commands.velocity.copy()
             yield Answer(recorded.cycles, stamp, np.array(recorded.command), velocity)
 

@@ -82,6 +82,7 @@ class StateMessage:
         """Fill in what the stack computed in its last step, and the command (n,)."""
         self._position[:] = self._stack.robot.q
         self._command[:] = command
+        self.msg.braking = self._stack.braking
         for entry in self._tasks.values():
             entry.refresh()
 

@@ -175,6 +175,8 @@ class StateWatch:
         States that the middleware dropped because they were not taken in time.
     overtaken
         States that came after newer ones.
+    paced
+        Whether states were ever known to come in real time, see `real_time`.
     """
 
     def __init__(self, limit: float, period: float, wall: float = math.inf) -> None:
@@ -182,6 +184,7 @@ class StateWatch:
         self.period = period
         self._sent, self._stamps = Lag(limit, wall), Lag(limit)
         self.received = self.lost = self.overtaken = 0
+        self.paced = False
         self.single_publisher = False
         """Whether messages are known to come from one publisher: gaps in their numbers tell."""
         self._number: int | None = None
@@ -225,6 +228,7 @@ class StateWatch:
         stands = self._see_whether_it_stands(msg, stamp)
         if stamp and not (stands and self._is_answered(msg, stamp)):
             age = self._stamps.age(1e-9 * stamp, now, stands)
+            self.paced |= self._stamps.steady
             if self._stamps.steady and not self._says_nothing:
                 ages.append(age)
         arrival = Arrival(msg, stamp, sent, now, max(ages) if ages else idle)

@@ -13,6 +13,7 @@ from rich.text import Text
 from tp_controller.state_words import (
     NONE,
     STATUS,
+    brakes,
     explained,
     milliseconds,
     norm,
@@ -66,7 +67,10 @@ def render(sight: Sight) -> RenderableType:
 def _head(topic: str, state: ControllerState, rate: float) -> Text:
     name = STATUS.get(state.status, str(state.status))
     style = STYLES.get(state.status, 'bold')
-    text = Text(topic.removesuffix('/state')).append('  ').append(name, style).append('\n')
+    text = Text(topic.removesuffix('/state')).append('  ').append(name, style)
+    if brakes(state):
+        text.append('  braking, tasks do not count', 'bold red')
+    text.append('\n')
     if math.isfinite(rate):
         text.append(f'{rate:.0f} commands/s  ')
     text.append(f'cycle {milliseconds(state.solve_time)}  ')

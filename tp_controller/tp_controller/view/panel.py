@@ -225,6 +225,8 @@ def _state_line(state: Any, rate: float) -> str:
     if math.isfinite(rate):
         facts.append(f'{rate:.0f} Hz')
     facts.append(f'age {words.milliseconds(state.command_age)}')
+    if words.brakes(state):
+        facts.append('braking')
     if state.scale < 1.0:
         facts.append(f'scale {state.scale:.2f}')
     return _light(LIGHTS.get(state.status, '#999999')) + ' ' + ' · '.join(facts)

@@ -19,6 +19,8 @@ from tp_sim.harness.process import NodeProcess
 from tp_sim.harness.record import Record, Recorder
 from tp_sim.harness.recording import LoopRecording
 
+LONGEST_BRAKING = 5.0
+"""Simulated time [s] for which the controller may brake."""
 CHUNK = 50
 """Steps of one request: fewer than the states that the controller's queue holds."""
 
@@ -208,16 +210,49 @@ class ClosedLoop:
     def reset(self, q: Mapping[str, float] | None = None) -> None:
         """Put joints at positions [rad, m] by name; all at the initial ones if None.
 
+        To the controller the arm has jumped, and it brakes. This waits until tasks count again:
+        the arm is at these positions then, and its next command answers the tasks.
+
         Raises
         ------
         HarnessError
-            If the simulator refuses.
+            If the simulator refuses, or the controller goes on braking.
         """
+        cycles = self.state.cycles
         self._reset(q or {})
         if self._lockstep:
             # The controller believes that the arm has jumped when a second state says so.
             self.step(0)
             self._reset(q or {})
+            self.step(0)
+        else:
+            self.client.wait_for(lambda: self.state.cycles > cycles + 1, 'an answer')
+        self.wait_until_tasks_count()
+
+    def wait_until_tasks_count(self) -> None:
+        """Run until the command answers the tasks, and does not brake; at once if none is to act.
+
+        Raises
+        ------
+        HarnessError
+            If it goes on braking.
+        """
+        if not self._lockstep:
+            self.client.wait_for(lambda: not self._brakes, 'the end of braking')
+            return
+        steps = 0
+        while self._brakes:
+            if steps > LONGEST_BRAKING * self._rate:
+                raise HarnessError(f'the controller goes on braking: {self.state.message}')
+            self.step()
+            steps += 1
+
+    @property
+    def _brakes(self) -> bool:
+        """Whether the controller brakes though it answers joint states and a task is to act."""
+        state = self.state
+        acts = any(task.enabled for task in state.tasks)
+        return acts and state.status == ControllerState.RUNNING and state.braking
 
     def _reset(self, q: Mapping[str, float]) -> None:
         request = Reset.Request(name=list(q), position=[float(value) for value in q.values()])

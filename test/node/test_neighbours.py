@@ -1,0 +1,97 @@
+"""Publishers that are not heard are found, at little cost for the cycle."""
+
+import pytest
+from geometry_msgs.msg import PointStamped, PoseStamped
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+
+from tp_controller.ros.neighbours import Neighbours
+from tp_controller.ros.polled import subscribe
+from tp_controller.ros.warnings import Warnings
+from tp_sim.harness import Client, PrivateDomain
+
+TOPICS = [f'task_{i}/goal' for i in range(10)]
+
+
+class Counted:
+    """A node that counts what it looks at in the graph."""
+
+    def __init__(self, node):
+        self.node, self.readings, self.looks = node, 0, []
+        self.handle = self
+
+    def __getattr__(self, name):
+        return getattr(self.node, name)
+
+    def get_count_publishers(self, topic):
+        self.looks.append(topic)
+        return self.node.handle.get_count_publishers(topic)
+
+    def get_publishers_info_by_topic(self, topic):
+        self.readings += 1
+        return self.node.get_publishers_info_by_topic(topic)
+
+
+class Scene:
+    """A node with ten inputs, and one that publishes to them."""
+
+    def __init__(self):
+        self.domain = PrivateDomain()
+        self.client = Client(self.domain)
+        self.node = Counted(self.client.make_node('listener'))
+        # One participant has one type for a topic.
+        self.speaker = Client(self.domain)
+        self.other = self.speaker.make_node('speaker')
+        self.inputs = [subscribe(self.node.node, PointStamped, topic, 10) for topic in TOPICS]
+        self.warnings = Warnings(lambda _: None, lambda _: None)
+        self.neighbours = Neighbours(self.node, '/command', '/joint_states', self.warnings)
+
+    def publish(self, message=PointStamped, **qos):
+        for topic in TOPICS:
+            self.other.create_publisher(message, topic, QoSProfile(depth=1, **qos))
+        self.client.wait_for(
+            lambda: all(self.node.count_publishers(topic) for topic in TOPICS), 'publishers'
+        )
+        self.client.wait_for(lambda: 'speaker' in self.node.get_node_names(), 'its name')
+
+    def close(self):
+        for node in (self.node.node, self.other):
+            node.destroy_node()
+        self.client.close()
+        self.speaker.close()
+        self.domain.close()
+
+
+@pytest.fixture
+def scene():
+    made = Scene()
+    yield made
+    made.close()
+
+
+def test_publishers_that_are_heard_cost_a_look_at_one_topic_at_a_time(scene):
+    scene.publish()
+    heard = [topic.handle.get_publisher_count for topic in scene.inputs]
+    scene.client.wait_for(lambda: all(count() == 1 for count in heard), 'matches')
+    for number in range(1, 81):
+        scene.neighbours.listen(scene.inputs, 0.025)
+        assert len(scene.node.looks) == number // 4
+    assert scene.node.looks == 2 * [f'/{topic}' for topic in TOPICS]
+    assert scene.node.readings == 0
+    assert not scene.warnings.message
+
+
+@pytest.mark.parametrize(
+    ('spoken', 'told'),
+    [
+        ({'message': PoseStamped}, 'publishes geometry_msgs/msg/PoseStamped, which is not heard'),
+        ({'reliability': ReliabilityPolicy.BEST_EFFORT}, 'publishes as best effort'),
+    ],
+)
+def test_all_that_are_not_heard_are_told_after_one_turn(scene, spoken, told):
+    scene.publish(**spoken)
+    for number in range(1, 11):
+        scene.neighbours.listen(scene.inputs, 0.1)
+        assert scene.node.readings == number
+    for topic in TOPICS:
+        assert f'/{topic}: /speaker {told}' in scene.warnings.message
+    scene.neighbours.listen([])
