@@ -140,3 +140,4 @@ def test_a_change_of_command_is_judged_from_one_command_to_the_next_whatever_the
     for begin, share in ((0.5, 5.0), (0.1, 1.0)):
         after_a_stop = record([0.0, 0.3, 0.305], [0.5, begin, 0.0])
         assert largest_change(after_a_stop, true, allowed) == pytest.approx(share)
+    assert largest_change(record([0.0, 0.28], [0.5, 0.0]), true, allowed) == 0.0
