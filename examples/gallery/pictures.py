@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 from tp_controller.plots import planar
 from tp_controller.plots.curves import least_distance
 from tp_controller.plots.moments import Scene
-from tp_controller.plots.style import LIMIT, RED, color, dash, shade, styled, unit
+from tp_controller.plots.style import LIMIT, RED, color, dash, shade, styled
 from tp_controller.solvers import SOLVER_TYPES
+from tp_controller.units import unit
 
 PI = math.pi
 

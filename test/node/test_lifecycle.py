@@ -46,8 +46,9 @@ def test_a_moving_controller_is_driven_through_all_states(config):
         client.wait_for(lambda: loop.state.status == ControllerState.INACTIVE, 'the state')
         assert loop.state.message.startswith('inactive: no command is sent')
         assert not loop.state.held
-        last = [list(msg.velocity) for msg in commands[-10:]]
-        assert last == [[0.0] * 3] * 10
+        client.wait_for(
+            lambda: [list(msg.velocity) for msg in commands[-10:]] == [[0.0] * 3] * 10, 'ten zeros'
+        )
         # No command skipped: braking is inside the limit of acceleration.
         steps = np.abs(np.diff([msg.velocity for msg in commands], axis=0)).max(axis=1)
         assert np.sort(steps[-30:])[-1] <= 1.5 * LIMIT / RATE

@@ -19,10 +19,10 @@ from tp_controller.plots.style import (
     panels,
     shade,
     styled,
-    unit,
 )
 from tp_controller.recording import Run, TaskCourse
 from tp_controller.robot import Robot
+from tp_controller.units import unit
 
 Array = NDArray[np.float64]
 METRES = tuple(f'base/{name}' for name in ('forward', 'left', 'up'))

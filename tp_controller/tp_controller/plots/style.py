@@ -13,7 +13,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from tp_controller.robot import Robot
 from tp_controller.view.palette import COLORS
 
 Array = NDArray[np.float64]
@@ -28,15 +27,6 @@ ACTIVE = '0.87'
 RESOLUTION = 130
 """Pixels per inch of pictures made of pixels."""
 FORMATS = ('png', 'svg', 'pdf')
-UNITS = {
-    'position': 'm',
-    'orientation': 'rad',
-    'gaze': 'rad',
-    'obstacle': 'm',
-    'self_collision': 'm',
-}
-"""Units of the tasks that do not mix metres and radians."""
-ON_JOINTS = ('joint', 'joint_limits', 'posture')
 STYLE: dict[Any, Any] = {
     'font.size': 9.0,
     'axes.grid': True,
@@ -59,14 +49,6 @@ def color(number: int) -> tuple[float, float, float]:
 def dash(number: int) -> Any:
     """Kind of line of the thing with that number."""
     return DASHES[number % len(DASHES)]
-
-
-def unit(task_type: str, robot: Robot) -> str:
-    """Unit of a task's error; of one on joints that of the robot's joints."""
-    if task_type in ON_JOINTS:
-        slides = robot.sliding
-        return 'm' if slides.all() else 'm, rad' if slides.any() else 'rad'
-    return UNITS.get(task_type, 'm, rad')
 
 
 @contextmanager

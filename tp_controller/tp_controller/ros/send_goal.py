@@ -50,6 +50,8 @@ def main() -> int:
         return _fail(one_line(error), REFUSED)
     node: Node | None = None
     try:
+        # What spins is made before anybody sees the node: from then on a signal ends the context.
+        rclpy.get_global_executor()
         node = rclpy.create_node('send_goal')
         if arguments.wait:
             return _wait(node, arguments)

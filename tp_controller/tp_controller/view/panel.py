@@ -70,14 +70,34 @@ class Panel:
         self._record.color = 'red' if path else None
         self._where.content = f'into `{path}`' if path else ''
 
-    def set_tasks(self, tasks: Sequence[Any], ranges: Mapping[str, Mapping[str, Range]]) -> None:
-        """Make folders and plots for these tasks, by name of a task with ranges of its joints."""
+    def set_tasks(
+        self,
+        tasks: Sequence[Any],
+        ranges: Mapping[str, Mapping[str, Range]],
+        units: Mapping[str, str],
+    ) -> None:
+        """Make folders and plots for these tasks.
+
+        Parameters
+        ----------
+        tasks
+            The tasks as ``~/state`` tells them.
+        ranges
+            Least and largest value by task and joint.
+        units
+            Unit of the error by task.
+        """
         for folder in self._folders.values():
             folder.folder.remove()
         with self._tasks:
             self._folders = {
                 task.name: TaskFolder(
-                    self._gui, task, ranges.get(task.name, {}), self._ask, self._levels
+                    self._gui,
+                    task,
+                    units[task.name],
+                    ranges.get(task.name, {}),
+                    self._ask,
+                    self._levels,
                 )
                 for task in sorted(tasks, key=words.rank)
             }

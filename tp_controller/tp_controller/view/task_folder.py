@@ -10,6 +10,7 @@ from typing import Any
 import viser
 
 from tp_controller import state_words as words
+from tp_controller.units import speed
 from tp_controller.view import hierarchy
 from tp_controller.view.wishes import Change, Goal, Wish
 
@@ -34,6 +35,8 @@ class TaskFolder:
         Where it is, in the present container.
     task
         The task as ``~/state`` tells it.
+    unit
+        Unit of its error.
     ranges
         Least and largest value by joint, for the sliders of a task on joints that takes goals;
         empty if it takes none.
@@ -47,11 +50,12 @@ class TaskFolder:
         self,
         gui: viser.GuiApi,
         task: Any,
+        unit: str,
         ranges: Mapping[str, Range],
         ask: Callable[[Wish], None] | None,
         levels: Callable[[], hierarchy.Levels],
     ) -> None:
-        self._gui, self._name, self._levels = gui, task.name, levels
+        self._gui, self._name, self._levels, self._unit = gui, task.name, levels, unit
         self._busy = 0.0
         self._desired = list(task.desired)
         self._shown_gain: list[float] = []
@@ -80,10 +84,11 @@ class TaskFolder:
         number
             Place of the folder among the others.
         """
-        self.folder.label = _label(task)
+        self.folder.label = _label(task, self._unit)
         self.folder.order = 100.0 + number
         gain = parameters.get(f'tasks.{self._name}.gain')
-        self._text.content = _text(state, task, first, None if self._controls else gain)
+        shown_gain = None if self._controls else gain
+        self._text.content = _text(state, task, self._unit, first, shown_gain)
         if not self._controls:
             return
         listed = task.level >= 0
@@ -155,26 +160,27 @@ class TaskFolder:
         self._busy = time.monotonic() + PAUSE
 
 
-def _label(task: Any) -> str:
+def _label(task: Any, unit: str) -> str:
     level = 'idle' if task.level < 0 else str(task.level)
     if len(task.distance):
-        value = f'{words.number(min(task.distance))} away' + (', acts' if task.active else '')
+        acts = ', acts' if task.active else ''
+        value = f'{words.number(min(task.distance))} {unit} away{acts}'
     else:
-        value = f'error {words.number(task.error_norm)}'
+        value = f'error {words.number(task.error_norm)} {unit}'
     return f'{level} · {task.name} · {value if task.enabled or task.level < 0 else "off"}'
 
 
-def _text(state: Any, task: Any, first: bool, gain: Sequence[float] | None) -> str:
+def _text(state: Any, task: Any, unit: str, first: bool, gain: Sequence[float] | None) -> str:
     lines = [f'*{task.type}*' + (f' of `{task.frame}`' if task.frame else '')]
     if not len(task.distance) and len(task.error):
         parts = ', '.join(
             f'{name} {words.number(value)}'
             for name, value in zip(task.components, task.error, strict=True)
         )
-        lines.append(f'error {parts}')
+        lines.append(f'error {parts} [{unit}]')
     if task.level >= 0 and (task.active or not len(task.distance)):
         asks, gets = words.norm(task.requested_velocity), words.norm(task.achieved_velocity)
-        lines.append(f'asks {asks}, gets {gets}')
+        lines.append(f'asks {asks}, gets {gets} [{speed(unit)}]')
     if gain is not None:
         lines.append(f'gain {_numbers(gain)} 1/s')
     lines += list(words.why(state, task, first))

@@ -14,6 +14,7 @@ from tp_controller.errors import TaskPriorityError
 from tp_controller.robot import Robot, Shape
 from tp_controller.scenery import is_planar
 from tp_controller.stack import Stack
+from tp_controller.units import unit
 from tp_controller.view.arm import ArmPicture
 from tp_controller.view.ground import Ground
 from tp_controller.view.handles import Handles
@@ -224,7 +225,8 @@ class View:
         if names != self._names:
             self._names = names
             ranges = {task.name: _ranges(robot, task, self._types) for task in state.tasks}
-            self.panel.set_tasks(state.tasks, ranges)
+            units = {task.name: unit(task.type, robot) for task in state.tasks}
+            self.panel.set_tasks(state.tasks, ranges, units)
         return bool(names)
 
     def _is_due(self, what: str, period: float, now: float) -> bool:
