@@ -226,6 +226,17 @@ def test_a_timed_way_keeps_speeds_and_accelerations_and_begins_and_ends_at_rest(
             assert np.abs(values - point).max(axis=1).min() < 1e-6
 
 
+def test_a_look_ahead_waits_for_tasks_with_a_largest_speed():
+    stack = build_settings(parameters('panda', rate=50.0)).stack
+    hand = stack.tasks['hand_position']
+    hand.max_speed = 0.008
+    stack.robot.update(READY)
+    goal = hand.frame.position + np.array([0.0, 0.3, -0.1])
+    found = look_ahead(stack, {'hand_position': goal}, READY, {'hand_position': 1e-3})
+    assert found.reached
+    assert found.time == pytest.approx(np.hypot(0.3, 0.1) / 0.008, rel=0.1)
+
+
 @pytest.mark.parametrize('seed', [1, 2])
 def test_a_look_ahead_says_what_the_stack_does(seed):
     stack = build_settings(parameters('panda_pose')).stack

@@ -64,7 +64,8 @@ def look_ahead(
     """Let a stack move joints that carry out every command exactly, from rest.
 
     It ends when the goals are reached, when they are stuck as `Progress` judges it, when their
-    errors have not become smaller by 5 % in 2 s, or when a task above them is lost.
+    errors have not become smaller by 5 % in 2 s, or when a task above them is lost. Where tasks
+    are slow because of their largest speeds, there is as much more time.
 
     Parameters
     ----------
@@ -78,7 +79,7 @@ def look_ahead(
     tolerances
         Error norm [m, rad] by task that counts as reached; 0.01 when left out.
     seconds
-        Time [s] of the motion that is looked at.
+        Time [s] of the motion that is looked at, longer as tasks are slower.
     stop
         Called at times; the look ends if it returns True.
 
@@ -91,7 +92,7 @@ def look_ahead(
     for name, target in targets.items():
         stack.tasks[name].target = target
     tasks = [stack.tasks[name] for name in targets]
-    progress = Progress([(tolerances or {}).get(name, TOLERANCE) for name in targets], seconds)
+    progress = Progress([(tolerances or {}).get(name, TOLERANCE) for name in targets])
     period, robot = stack.safety_filter.period, stack.robot
     stack.rest()
     q = np.array(q, dtype=float)
@@ -118,11 +119,15 @@ def look_ahead(
             progress.errors[:] = errors
             break
         moving = bool(np.abs(command).max() > MOVING)
+        slow = max(task.slowness for task in tasks)
         verdict = progress.see(period if count else 0.0, errors, moving)
+        seconds -= period / slow
         size = float(errors.sum())
         if size < (1.0 - LESS) * mark:
             mark, since = size, progress.time
-        elif progress.pending.any() and progress.time - since > LATER:
+        elif progress.pending.any() and progress.time - since > LATER * slow:
+            break
+        if seconds < 0.0:
             break
         count += 1
         if count % STOP_EVERY == 0 and stop():

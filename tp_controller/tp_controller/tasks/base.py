@@ -592,6 +592,14 @@ class Task(ABC):
         velocity: Vector = self._K @ self.error + self._feedforward
         return velocity * (1.0 - self._shares(velocity))
 
+    @property
+    def slowness(self) -> float:
+        """How many times slower the task is by `max_speed` at the last update, at least 1."""
+        if not self._max_speed.size:
+            return 1.0
+        velocity: Vector = self._K @ self.error + self._feedforward
+        return 1.0 / float(self._shares(velocity).min(initial=1.0))
+
     def limited_feedforward(self, out: Vector) -> None:
         """Write the part (k,) of the feedforward in the desired velocity to ``out``."""
         out[:] = self._feedforward
