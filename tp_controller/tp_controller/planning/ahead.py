@@ -51,6 +51,8 @@ class Ahead(NamedTuple):
     """Configuration (nq,) at its end."""
     lost: tuple[str, ...] = ()
     """Tasks of levels above all goals that had no error at the start, and have one on the way."""
+    disturbed: float = 0.0
+    """Largest error of such a task, as a share of that from which on it is lost."""
 
 
 def look_ahead(
@@ -105,6 +107,7 @@ def look_ahead(
         if stack.level_of(task.name) < highest and not task.set_based
     ]
     lost: list[str] = []
+    disturbed = 0.0
     verdict = None
     while verdict is None:
         try:
@@ -114,7 +117,9 @@ def look_ahead(
         errors = np.array([math.sqrt(task.error @ task.error) for task in tasks])
         if not count:
             above = [task for task in above if task.error @ task.error <= HOLDS**2]
-        lost = [task.name for task in above if task.error @ task.error > _lost(task) ** 2]
+        shares = {task.name: math.sqrt(task.error @ task.error) / _lost(task) for task in above}
+        lost = [name for name, share in shares.items() if share > 1.0]
+        disturbed = max(disturbed, *shares.values())
         if lost:
             progress.errors[:] = errors
             break
@@ -138,7 +143,7 @@ def look_ahead(
     stack.rest()
     found = dict(zip(targets, progress.errors.tolist(), strict=True))
     reached = verdict is Verdict.REACHED
-    return Ahead(reached, progress.time, length, found, q, tuple(lost))
+    return Ahead(reached, progress.time, length, found, q, tuple(lost), disturbed)
 
 
 def _lost(task: Task) -> float:

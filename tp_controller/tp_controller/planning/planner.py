@@ -24,6 +24,8 @@ from tp_controller.trajectory import VectorPath
 
 Vector = NDArray[np.float64]
 
+SURE = 0.2
+"""Share of the error from which on a task above is lost up to which it holds at any rate."""
 COARSE, COARSE_CLEAR = 30.0, 50.0
 """Least rate [Hz] of a look ahead; with tasks that keep distances."""
 
@@ -234,12 +236,14 @@ class Planner:
     ) -> Ahead:
         """Look ahead at a lower rate, and at the rate of the stack if something is lost by that.
 
-        What a step misses of a task by its curvature grows with the square of the period.
+        What a step misses of a task by its curvature grows with the square of the period. Where
+        tasks above are disturbed, the safety filter brakes, and that is another motion at
+        another rate.
         """
         self._copy_targets(self._coarse)
         found = look_ahead(self._coarse, goals, q, tolerances, ahead.LONGEST, stop)
         own = self.stack.safety_filter.period
-        if not found.lost or own >= self._coarse.safety_filter.period or stop():
+        if found.disturbed < SURE or own >= self._coarse.safety_filter.period or stop():
             return found
         if self._fine is None:
             self._fine = build_stack(self.robot, self._settings.values)
