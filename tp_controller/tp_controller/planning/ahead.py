@@ -119,7 +119,7 @@ def look_ahead(
             above = [task for task in above if task.error @ task.error <= HOLDS**2]
         shares = {task.name: math.sqrt(task.error @ task.error) / _lost(task) for task in above}
         lost = [name for name, share in shares.items() if share > 1.0]
-        disturbed = max(disturbed, *shares.values())
+        disturbed = max([disturbed, *shares.values()])
         if lost:
             progress.errors[:] = errors
             break
