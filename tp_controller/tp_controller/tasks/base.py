@@ -589,22 +589,26 @@ class Task(ABC):
         """What `max_speed` takes from ``K error + feedforward`` (k,) of the last update."""
         if not self._max_speed.size:
             return np.zeros(self.k)
-        velocity: Vector = self._K @ self.error + self._feedforward
+        velocity = self._unlimited()
         return velocity * (1.0 - self._shares(velocity))
 
     @property
     def slowness(self) -> float:
-        """How many times slower the task is by `max_speed` at the last update, at least 1."""
+        """By what `max_speed` divided the speed at the last update; 1 where it changed nothing."""
         if not self._max_speed.size:
             return 1.0
-        velocity: Vector = self._K @ self.error + self._feedforward
-        return 1.0 / float(self._shares(velocity).min(initial=1.0))
+        return 1.0 / float(self._shares(self._unlimited()).min(initial=1.0))
 
     def limited_feedforward(self, out: Vector) -> None:
         """Write the part (k,) of the feedforward in the desired velocity to ``out``."""
         out[:] = self._feedforward
         if self._max_speed.size:
-            out *= self._shares(self._K @ self.error + self._feedforward)
+            out *= self._shares(self._unlimited())
+
+    def _unlimited(self) -> Vector:
+        """``K error + feedforward`` (k,) of the last update."""
+        velocity: Vector = self._K @ self.error + self._feedforward
+        return velocity
 
     def _shares(self, velocity: Vector) -> Vector:
         """Share (k,) of each row of a velocity that `max_speed` leaves."""
