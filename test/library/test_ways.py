@@ -226,6 +226,17 @@ def test_a_timed_way_keeps_speeds_and_accelerations_and_begins_and_ends_at_rest(
             assert np.abs(values - point).max(axis=1).min() < 1e-6
 
 
+def test_a_look_ahead_at_a_lower_rate_is_not_trusted_where_a_task_above_is_disturbed():
+    planner = Planner(parameters('panda_table') | UPRIGHT | {'tasks.down.gain': [3.0]})
+    start = [2.51045531, 0.63846323, 0.75566278, -1.7830415, -0.5324533, 2.20579575, 2.0239979]
+    goals = {'hand_position': [-0.51345084, -0.35707146, 0.026474]}
+    planner._copy_targets(planner._coarse)
+    coarse = look_ahead(planner._coarse, goals, start, {'hand_position': 1e-3})
+    assert coarse.reached
+    plan = planner.plan(goals, np.array(start), {'hand_position': 1e-3})
+    assert plan.kind is not Kind.STRAIGHT
+
+
 def test_a_look_ahead_waits_for_tasks_with_a_largest_speed():
     stack = build_settings(parameters('panda', rate=50.0)).stack
     hand = stack.tasks['hand_position']
