@@ -48,10 +48,12 @@ class Scene:
     def publish(self, message=PointStamped, **qos):
         for topic in TOPICS:
             self.other.create_publisher(message, topic, QoSProfile(depth=1, **qos))
-        self.client.wait_for(
-            lambda: all(self.node.count_publishers(topic) for topic in TOPICS), 'publishers'
-        )
-        self.client.wait_for(lambda: 'speaker' in self.node.get_node_names(), 'its name')
+        # The name of a publisher's node comes a moment after the publisher.
+        self.client.wait_for(lambda: all(map(self.names, TOPICS)), 'publishers with their names')
+
+    def names(self, topic):
+        infos = self.node.node.get_publishers_info_by_topic(f'/{topic}')
+        return [info for info in infos if info.node_name == 'speaker']
 
     def close(self):
         for node in (self.node.node, self.other):

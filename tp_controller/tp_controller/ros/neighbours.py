@@ -13,6 +13,8 @@ from tp_controller.ros.warnings import Warnings
 
 ROUNDING = 1e-9
 """Share of a look that rounding may take."""
+UNNAMED = ('_NODE_NAME_UNKNOWN_', '_CREATED_BY_BARE_DDS_APP_')
+"""Names of nodes that are not known yet, and of readers and publishers without a node."""
 
 
 class Neighbours:
@@ -103,7 +105,9 @@ def publishers(node: Node, topic: str) -> list[str]:
 
 
 def _name(info: TopicEndpointInfo) -> str:
-    """Full name of a publisher's node."""
+    """Full name of a publisher's node; others learn it a moment after its topics."""
+    if info.node_name in UNNAMED:
+        return 'a node whose name is not known'
     return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
 
 

@@ -14,6 +14,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from tp_controller.errors import listed
 from tp_controller.ros.commands import CommandPublisher
+from tp_controller.ros.neighbours import UNNAMED
 
 PERIOD = 0.1
 """Time [s] between two looks."""
@@ -27,8 +28,6 @@ LONG = 10.0
 """and after so long [s] without an answer."""
 MOST_CALLS = 10
 """So many questions to one node without an answer are kept."""
-UNNAMED = ('_NODE_NAME_UNKNOWN_', '_CREATED_BY_BARE_DDS_APP_')
-"""Names of nodes that are not known yet, and of readers without a node."""
 NAMES = ('joints', 'interface_name')
 """Parameters of ros2_control's forward_command_controller, and of what derives from it."""
 
