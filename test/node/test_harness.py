@@ -1,5 +1,7 @@
 """The harness itself: what it records, and how it fails."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -23,10 +25,13 @@ def test_the_record_is_consistent_with_itself(config):
 
 def test_real_time_runs_as_long_as_asked_and_records_from_the_first_cycle(config):
     with ClosedLoop(config / 'a4_position_joint.yaml', lockstep=False) as loop:
+        begin = time.monotonic()
         loop.run(1.0)
+        assert time.monotonic() - begin >= 1.0
+        # A busy machine brings the messages later.
+        loop.client.wait_for(lambda: loop.time > 0.8, 'a second of cycles')
         record = loop.record
     assert record.q[0] == pytest.approx([0.0, 0.6, 0.3])
-    assert 0.8 < record.time[-1] < 3.0
     assert record.error_norm['ee_position'][-1] < record.error_norm['ee_position'][0]
 
 
