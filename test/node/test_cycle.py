@@ -15,6 +15,7 @@ from sensor_msgs.msg import JointState
 
 from tp_interfaces.msg import ControllerState
 from tp_sim.harness import Client, ClosedLoop, PrivateDomain
+from tp_sim.harness.document import edited
 
 START = np.array([0.0, 0.6, 0.3])
 ACCELERATION = 2.0
@@ -94,6 +95,12 @@ class Arm:
         self.now += round(1e9 * seconds)
 
 
+@pytest.fixture
+def patient(lone_controller):
+    """An arm that is not braked where a busy machine brings a state late."""
+    return Arm(lone_controller(edited(SLOW_START, {'/**': {'timeouts': {'joint_state': 5.0}}})))
+
+
 def nanoseconds(msg):
     return msg.header.stamp.sec * 1_000_000_000 + msg.header.stamp.nanosec
 
@@ -141,7 +148,8 @@ def test_states_that_stop_and_come_back_leave_the_acceleration_inside_its_limit(
         arm.coast(gap)
         if gap > LIMIT:
             arm.client.wait_for(lambda: arm.state.status == ControllerState.STALE, 'the state')
-            arm.controller.process.wait_for_output('no joint state for 0.1 s: braking to rest')
+            # A busy machine may be another cause.
+            arm.controller.process.wait_for_output(': braking to rest')
             arm.q = START.copy()
     arm.step()
     assert_inside_the_acceleration_limit(arm.commands)
@@ -159,23 +167,23 @@ def test_after_a_long_stop_of_the_process_an_arm_that_has_come_to_rest_is_not_br
     assert not any(any(command.velocity) for command in arm.commands[count:])
 
 
-def test_states_that_overtake_each_other_are_dropped_and_counted(arm):
+def test_states_that_overtake_each_other_are_dropped_and_counted(patient):
     for _ in range(20):
-        arm.step()
-    count = len(arm.commands)
-    arm.tell(arm.now - 50_000_000, arm.q - 0.1)
-    arm.client.wait_for(lambda: arm.state.overtaken == 1, 'it to be counted')
-    assert arm.now - 50_000_000 not in [nanoseconds(c) for c in arm.commands[count:]]
-    arm.step()
-    assert_inside_the_acceleration_limit(arm.commands)
+        patient.step()
+    count = len(patient.commands)
+    patient.tell(patient.now - 50_000_000, patient.q - 0.1)
+    patient.client.wait_for(lambda: patient.state.overtaken == 1, 'it to be counted')
+    assert patient.now - 50_000_000 not in [nanoseconds(c) for c in patient.commands[count:]]
+    patient.step()
+    assert_inside_the_acceleration_limit(patient.commands)
 
 
-def test_a_state_that_is_sent_twice_gets_the_same_command_twice(arm):
+def test_a_state_that_is_sent_twice_gets_the_same_command_twice(patient):
     for _ in range(10):
-        arm.now += round(1e9 / RATE)
-        command = arm.ask()
-        assert np.array_equal(arm.ask(), command)
-        arm.q += command / RATE
+        patient.now += round(1e9 / RATE)
+        command = patient.ask()
+        assert np.array_equal(patient.ask(), command)
+        patient.q += command / RATE
     assert np.abs(command).max() == pytest.approx(10 * ACCELERATION / RATE)
 
 
@@ -191,36 +199,36 @@ def test_a_simulation_that_waits_for_a_while_is_answered_again(config):
 
 
 @pytest.mark.parametrize('stamp', [0, 5_000_000_000])
-def test_states_with_a_constant_stamp_move_the_arm(arm, stamp):
+def test_states_with_a_constant_stamp_move_the_arm(patient, stamp):
     command, at = np.zeros(3), time.monotonic()
     for i in range(20):
         # Without stamps the time that really passes counts.
-        arm.client.spin_for(1.0 / RATE)
+        patient.client.spin_for(1.0 / RATE)
         at, before = time.monotonic(), at
-        arm.q += (at - before) * command
-        arm.q[2] += 1e-6 * i
-        count = len(arm.commands)
+        patient.q += (at - before) * command
+        patient.q[2] += 1e-6 * i
+        count = len(patient.commands)
         # Braking may come between on a busy machine; it carries the present time.
-        command = arm.ask(stamp)
-        assert len(arm.commands) > count
-    assert arm.state.overtaken == 0
+        command = patient.ask(stamp)
+        assert len(patient.commands) > count
+    assert patient.state.overtaken == 0
     assert np.abs(command).max() > 3 * ACCELERATION / RATE
-    assert_inside_the_acceleration_limit(arm.commands)
+    assert_inside_the_acceleration_limit(patient.commands)
 
 
-def test_stamps_that_go_back_for_good_are_followed_and_told(arm):
+def test_stamps_that_go_back_for_good_are_followed_and_told(patient):
     for _ in range(20):
-        arm.step()
-    arm.now -= 60_000_000_000
+        patient.step()
+    patient.now -= 60_000_000_000
     for _ in range(4):
-        arm.now += round(1e9 / RATE)
-        arm.tell()
-        arm.client.spin_for(1.0 / RATE)
-    arm.client.wait_for(lambda: arm.state.overtaken == 4, 'them to be counted')
-    arm.step()
-    arm.client.wait_for(lambda: 'went back by' in arm.state.message, 'a message')
-    arm.step()
-    assert_inside_the_acceleration_limit(arm.commands)
+        patient.now += round(1e9 / RATE)
+        patient.tell()
+        patient.client.spin_for(1.0 / RATE)
+    patient.client.wait_for(lambda: patient.state.overtaken == 4, 'them to be counted')
+    patient.step()
+    patient.client.wait_for(lambda: 'went back by' in patient.state.message, 'a message')
+    patient.step()
+    assert_inside_the_acceleration_limit(patient.commands)
 
 
 def test_the_newest_goal_of_a_flood_counts(arm):

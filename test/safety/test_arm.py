@@ -108,6 +108,28 @@ def test_a_joint_that_carries_a_command_out_late_is_not_taken_as_blocked(seed):
         sent = command
 
 
+@given(seeds)
+@examples(20)
+def test_commands_that_come_late_for_a_while_are_waited_for(seed):
+    """The last of them may have left in time, while the arm still carries out those before."""
+    rng = np.random.default_rng(seed)
+    stack = joint_stack(target=(0.0, 0.0))
+    plant = plant_of(stack)
+    commands, delay = [np.zeros(2)] * 8, 0
+    for i in range(200):
+        if i % 8 == 0:
+            stack.tasks['joints'].target = rng.uniform(-0.2, 0.2, 2)
+        # Late by some periods on the way there, and caught up again.
+        delay = int(np.clip(delay + rng.integers(-1, 2), 0, 4))
+        plant.step(commands[-1 - delay], PERIOD)
+        in_time = i % 3 > 0 and rng.random() < 0.5
+        stack.arm.late = PERIOD * (rng.uniform(0.0, 0.5) if in_time else rng.uniform(0.6, 2.0))
+        q, qd = plant.measured()
+        command = stack.step(q, PERIOD, qd).command.copy()
+        assert np.abs(command - commands[-1]).max() <= CHANGE * (1.0 + 1e-9)
+        commands.append(command)
+
+
 def test_a_joint_that_says_it_moves_is_not_blocked_if_the_time_is_known_badly():
     """Without stamps a sender that is late by a period and more looks like a joint that slows."""
     stack = joint_stack()

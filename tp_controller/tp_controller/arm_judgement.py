@@ -36,7 +36,8 @@ SOON = 0.5
 """A command that was sent later than this share of a period after its state may not have acted
 when the next state was measured,"""
 OVERTAKEN = 3
-"""nor may so many of those before."""
+"""nor may so many of those before, and as many more as it was late by in periods; this counts for as
+many commands that follow."""
 JUMP = 3.0
 """So many times as far as its velocity limit lets it a joint does not get."""
 JUMP_LEAST = 0.05
@@ -62,8 +63,6 @@ class Judgement:
     ----------
     limit
         Velocity limits (n,) [rad/s, m/s] that tell a jump.
-    late
-        How long [s] after its state the last command was sent.
     following
         Whether the arm does what it is commanded to.
     doubted
@@ -77,7 +76,8 @@ class Judgement:
         self._joints, self._model, self._chart = tuple(joints), model, chart
         self._measured = np.zeros((model.times.size, chart.space.nq))
         """Configurations (m, nq) that the commands of the ring answer; not for an ideal arm."""
-        self.limit, self.late = np.full(n, math.inf), 0.0
+        self.limit = np.full(n, math.inf)
+        self._late, self._overtaken, self._unsure = 0.0, 0, 0
         self._found, self._asked, self._q, self._qd = np.zeros(2), *np.zeros((3, n))
         self._follow: Prepared | None = None
         self._begin: Prepared | None = None
@@ -92,6 +92,22 @@ class Judgement:
         )
         self.rest()
         self._past = self._began, self.doubted, self.following
+
+    @property
+    def late(self) -> float:
+        """How long [s] after its state the last command was sent; set for every command."""
+        return self._late
+
+    @late.setter
+    def late(self, seconds: float) -> None:
+        self._late = seconds
+        periods = seconds / self._model.period
+        if periods > SOON:
+            many = min(OVERTAKEN + int(periods), self._model.times.size - 2)
+            self._overtaken = max(many, self._overtaken if self._unsure else 0)
+            self._unsure = self._overtaken
+        elif self._unsure:
+            self._unsure -= 1
 
     @property
     def tolerance(self) -> Vector:
@@ -141,8 +157,8 @@ class Judgement:
 
         Where the time since the last state is no period it may be known badly, and with it what
         the positions say of the velocity. A joint that says itself that it moves is not taken as
-        blocked then; nor is one that still carries out a command before the last, if that came
-        late. One that says that it has stopped in a pause goes on from there.
+        blocked then; nor is one that still carries out a command before the last, if one of these
+        came late. One that says that it has stopped in a pause goes on from there.
 
         Parameters
         ----------
@@ -156,7 +172,7 @@ class Judgement:
             self._follow = self._prepared_follow()
         self._q[:] = q
         model = self._model
-        late = self.late > SOON * model.period
+        late = self._unsure > 0
         there = model.state.q.copy() if late else model.state.q
         if not self._run(self._follow, before, passed):
             return False
@@ -178,7 +194,7 @@ class Judgement:
     def _slowest(self) -> Vector:
         """Of the commands before the last the slowest (n,); zero where they are opposite."""
         model = self._model
-        recent = [model.commands[model.head - i] for i in range(1, OVERTAKEN + 1)]
+        recent = [model.commands[model.head - i] for i in range(1, self._overtaken + 1)]
         return reduce(_nearer_zero, recent)
 
     def _see_stops(self, before: Vector, qd: Vector) -> None:

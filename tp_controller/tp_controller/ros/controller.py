@@ -415,7 +415,12 @@ class ControllerNode(ManagedNode):
         elif now >= self._serve_at or (answered and now >= self._served + SERVE_AGAIN):
             self._serve(executor)
         else:
-            self._intake.wait(min(self._brake_at, self._look_at, self._serve_at) - now)
+            until = min(self._brake_at, self._look_at, self._serve_at)
+            if now < (ready := self._cycle.ready_at):
+                # A state that waits would end every wait for one.
+                time.sleep(min(until, ready) - now)
+            else:
+                self._intake.wait(until - now)
 
     def _serve(self, executor: Executor) -> None:
         """Execute callbacks that are ready, one or more, until a joint state waits."""

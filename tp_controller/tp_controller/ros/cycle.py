@@ -166,7 +166,7 @@ class Cycle:
         ControlFailed
             If the computation fails in a way that nobody expects.
         """
-        if self._has_just_braked():
+        if time.monotonic() < self.ready_at:
             return False
         try:
             arrivals = self._intake.take()
@@ -179,12 +179,17 @@ class Cycle:
         finally:
             self._count()
 
-    def _has_just_braked(self) -> bool:
-        """Whether a state has to wait: two commands would change the velocity in one period."""
-        if self._moved >= self._braked or not self._watch.paced:
-            return False
-        wait = AFTER_BRAKING * self._period
-        return math.isfinite(wait) and time.monotonic() < self._braked + wait
+    @property
+    def ready_at(self) -> float:
+        """Time until which a state has to wait, by the steady clock.
+
+        A command of braking has just been sent, and two commands would change the velocity in
+        one period.
+        """
+        known = self._watch.paced and math.isfinite(self._period)
+        if not known or self._moved >= self._braked:
+            return -math.inf
+        return self._braked + AFTER_BRAKING * self._period
 
     def _count(self) -> None:
         state, watch = self._state, self._watch
