@@ -36,8 +36,8 @@ SOON = 0.5
 """A command that was sent later than this share of a period after its state may not have acted
 when the next state was measured,"""
 OVERTAKEN = 3
-"""nor may so many of those before, and as many more as it was late by in periods; this counts for as
-many commands that follow."""
+"""nor may so many of those before, and as many more as it was late by in periods; this counts for
+as many commands that follow."""
 JUMP = 3.0
 """So many times as far as its velocity limit lets it a joint does not get."""
 JUMP_LEAST = 0.05
