@@ -16,6 +16,7 @@ that a command counts from what the joints do, and zero is allowed.
     python benchmarks/operations.py --seconds 60 --busy 4
     python benchmarks/operations.py --type joint_state_position
     python benchmarks/operations.py --only long_path
+    python benchmarks/operations.py --solver hqp
 """
 
 from __future__ import annotations
@@ -213,10 +214,16 @@ def largest_change(sent: Record, true: Record, allowed: NDArray[np.float64]) -> 
 
 
 def run(
-    config: Path, seconds: float, ideal: bool, kind: str, kinds: Sequence[str], seed: int
+    config: Path,
+    seconds: float,
+    ideal: bool,
+    kind: str,
+    solver: str,
+    kinds: Sequence[str],
+    seed: int,
 ) -> bool:
     """Operate, judge and print; return whether everything was kept."""
-    document = read_document(config)
+    document = edited(read_document(config), {'tp_controller': {'solver': {'type': solver}}})
     period = 1.0 / float(document['/**']['rate'])
     changes: dict[str, Any] = {'/**': {'command': {'type': kind}}}
     changes['tp_sim'] = {'command_timeout': WATCHDOG}
@@ -295,6 +302,7 @@ def main() -> int:
     parser.add_argument(
         '--type', choices=('joint_state', 'joint_state_position'), default='joint_state'
     )
+    parser.add_argument('--solver', choices=('recursive', 'hqp'), default='recursive')
     parser.add_argument('--only', choices=KINDS, help='one kind of operation')
     parser.add_argument('--seed', type=int, default=0)
     chosen = parser.parse_args()
@@ -302,7 +310,15 @@ def main() -> int:
     busy = [subprocess.Popen(loop) for _ in range(chosen.busy)]
     try:
         kinds = [chosen.only] if chosen.only else KINDS
-        kept = run(chosen.config, chosen.seconds, chosen.ideal, chosen.type, kinds, chosen.seed)
+        kept = run(
+            chosen.config,
+            chosen.seconds,
+            chosen.ideal,
+            chosen.type,
+            chosen.solver,
+            kinds,
+            chosen.seed,
+        )
     finally:
         for process in busy:
             process.kill()

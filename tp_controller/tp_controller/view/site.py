@@ -13,10 +13,15 @@ SMOOTH = 'smooth'
 """In the address of the page: edges are smooth without a graphics card, too."""
 SOFTWARE = 'swiftshader|llvmpipe|softpipe|software|basic render'
 """Names of renderers that use no graphics card."""
+RESOLUTION = 'fixedDpr'
+"""In the address of the page: viser draws so many pixels for one of the window, in each direction."""
+PIXELS = 820 * 480
+"""So many pixels are drawn without a graphics card; in larger windows they are larger."""
 SCRIPT = f"""<script>
 (() => {{
   // Smooth edges take half the time of a browser without a graphics card.
-  if (new URLSearchParams(location.search).has('{SMOOTH}')) return;
+  const given = new URLSearchParams(location.search);
+  if (given.has('{SMOOTH}')) return;
   const own = HTMLCanvasElement.prototype.getContext;
   const gl = own.call(document.createElement('canvas'), 'webgl2');
   const info = gl && gl.getExtension('WEBGL_debug_renderer_info');
@@ -25,6 +30,11 @@ SCRIPT = f"""<script>
     const rough = kind.startsWith('webgl') ? {{...options, antialias: false}} : options;
     return own.call(this, kind, rough);
   }};
+  const share = Math.sqrt({PIXELS} / (innerWidth * innerHeight));
+  if (share < 1 && !given.has('{RESOLUTION}')) {{
+    given.set('{RESOLUTION}', share.toFixed(2));
+    history.replaceState(null, '', `?${{given}}`);
+  }}
 }})();
 </script>"""
 
