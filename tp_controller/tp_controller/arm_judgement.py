@@ -218,56 +218,42 @@ class Judgement:
         return bool(call.run())
 
     def _prepared_begin(self) -> Prepared:
-        model, response = self._model, self._model.response
-        return Prepared(
-            self._kernel.begin,
-            self._q,
-            model.now,
-            model.head,
-            float(model.step),
-            self.limit,
-            np.zeros(len(self._joints)),
-            False,
-            self._qd,
-            model.times,
-            model.commands,
-            response.delay,
-            response.lag,
-            float(response.hold),
-            model.ideal,
-            model.exact,
-            float(model.period),
-            FARTHEST,
-            model.state.rows,
-            model.upper,
-            model.lower,
-            model.held_upper,
-            model.held_lower,
-        )
+        rows = self._model.state.rows
+        return self._prepared(self._kernel.begin, (False, self._qd), (), (FARTHEST, rows))
 
     def _prepared_follow(self) -> Prepared:
+        noise, rows = self._model.response.noise, self._model.state.rows
+        results = (self._tolerances, rows, self._found)
+        return self._prepared(self._kernel.follow, (self._model.now,), (noise,), results)
+
+    def _prepared(
+        self,
+        function: Any,
+        given: tuple[Any, ...],
+        noise: tuple[Vector, ...],
+        results: tuple[Any, ...],
+    ) -> Prepared:
+        """Call with what both functions take, and what one of them takes in between."""
         model, response = self._model, self._model.response
         return Prepared(
-            self._kernel.follow,
+            function,
             self._q,
             model.now,
             model.head,
             float(model.step),
             self.limit,
             np.zeros(len(self._joints)),
-            model.now,
+            *given,
             model.times,
             model.commands,
             response.delay,
             response.lag,
-            response.noise,
+            *noise,
             float(response.hold),
             model.ideal,
             model.exact,
             float(model.period),
-            self._tolerances,
-            model.state.rows,
-            self._found,
+            *results,
             model.upper,
             model.lower,
             model.held_upper,

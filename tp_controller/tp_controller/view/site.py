@@ -14,7 +14,7 @@ SMOOTH = 'smooth'
 SOFTWARE = 'swiftshader|llvmpipe|softpipe|software|basic render'
 """Names of renderers that use no graphics card."""
 RESOLUTION = 'fixedDpr'
-"""In the address of the page: viser draws so many pixels for one of the window, in each direction."""
+"""In the address of the page: pixels that viser draws for one of the window, in each direction."""
 PIXELS = 820 * 480
 """So many pixels are drawn without a graphics card; in larger windows they are larger."""
 SCRIPT = f"""<script>
