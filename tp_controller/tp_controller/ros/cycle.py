@@ -527,6 +527,7 @@ class Cycle:
         """
         begin = seen = time.monotonic()
         patience = min(self._limit, max(4.0 * self.braking_period, LEAST_PATIENCE))
+        moves = self.running and not self._stack.at_rest
         while self.running and not self._stack.at_rest:
             now = time.monotonic()
             if now - seen > patience or now - begin > LONGEST_END:
@@ -537,7 +538,9 @@ class Cycle:
         braked = time.monotonic() - begin
         told = self.rest()
         self._state.status = ControllerState.INACTIVE
-        return told if braked < self.braking_period else f'braked to rest in {braked:.2g} s'
+        if not moves or braked < self.braking_period:
+            return told
+        return f'braked to rest in {braked:.2g} s'
 
     def ignore(self) -> None:
         """Let joint states pass that nobody answers."""
@@ -552,7 +555,7 @@ class Cycle:
             How the arm came to rest.
         """
         begin = now = time.monotonic()
-        self.zeros = 0
+        self.zeros = steps = 0
         rest = math.inf
         while self.zeros < ZEROS and now - rest < 0.2:
             if now - begin > LONGEST_BRAKING and self.zeros == 0:
@@ -561,11 +564,12 @@ class Cycle:
                 self._commands.wait_until_arrived()
                 return f'braking cut after {LONGEST_BRAKING:g} s, {self._commands.rest} sent'
             self.brake()
-            if self.zeros == 1:
-                rest = time.monotonic()
             now = time.monotonic()
+            steps += self.zeros == 0
+            if self.zeros == 1:
+                rest = now
             time.sleep(max(0.0, min(self.braking_period, HEARTBEAT)))
         self._commands.wait_until_arrived()
-        if rest - begin < self.braking_period:
+        if not steps:
             return f'{self._commands.rest} sent'
         return f'braked to rest in {rest - begin:.2g} s'
