@@ -198,6 +198,12 @@ class Plant:
         """True velocities (n,) [rad/s, m/s] at the end of the last step; a copy."""
         return self._speed.copy()
 
+    @property
+    def timed_out(self) -> bool:
+        """Whether no command has arrived for longer than ``command_timeout``."""
+        timeout = self.command_timeout
+        return timeout is not None and self._silence > timeout * (1.0 + ROUNDING)
+
     def step(self, command: Vector | None, dt: float) -> None:
         """Move for ``dt`` [s] after a command.
 
@@ -214,7 +220,7 @@ class Plant:
             self._silence = 0.0
         elif self.command_timeout is not None:
             self._silence += dt
-            if self._silence > self.command_timeout + ROUNDING * dt:
+            if self.timed_out:
                 self._heard[:] = 0.0
         self._go_on(dt)
 

@@ -323,7 +323,9 @@ def run(
                 command = stack.step(measured, since * period, speed).command
             except UnusableState as error:
                 command = np.zeros(stack.robot.n) if error.command is None else error.command
-            watch.see_command(command, bool(stack.arm.notice), i % every > every // 2)
+            astray = bool(stack.arm.notice)
+            moves = plant.qd if astray or plant.timed_out else None
+            watch.see_command(command, astray, i % every > every // 2, moves)
             since = 0
         since += 1
         plant.step(command, period)

@@ -108,7 +108,9 @@ class Watch:
         room = np.minimum(positions - limits.position_min, limits.position_max - positions)
         self.room = min(self.room, float(room.min()))
 
-    def see_command(self, command: Vector, astray: bool, at_rest: bool) -> None:
+    def see_command(
+        self, command: Vector, astray: bool, at_rest: bool, moves: Vector | None = None
+    ) -> None:
         """Take note of a new command (n,).
 
         Parameters
@@ -119,10 +121,16 @@ class Watch:
             Whether the controller said that the arm does not do what it should.
         at_rest
             Whether the arm has had the time to come to rest.
+        moves
+            True velocities (n,) [rad/s, m/s] of an arm that does not do what it should, or was
+            stopped as it got no command for too long: the next one may go on from them.
         """
         limits, safety = self._stack.robot.limits, self._stack.safety_filter
         self.speed = max(self.speed, float(np.max(np.abs(command) / limits.velocity)))
-        change = np.abs(command - self._before) / (limits.acceleration * safety.period)
+        low = high = self._before
+        if moves is not None:
+            low, high = np.minimum(low, moves), np.maximum(high, moves)
+        change = np.maximum(low - command, command - high) / (limits.acceleration * safety.period)
         self.acceleration = max(self.acceleration, float(change.max()))
         self._before[:] = command
         for i, task in enumerate(self._sets):
