@@ -17,12 +17,14 @@ STILL = 1e-13
 
 
 @inner
-def reduce(N, spare, V, x, rank, m, n):  # type: ignore[no-untyped-def]
+def reduce(N, V, rank, m, n):  # type: ignore[no-untyped-def]
     """Take directions out of a basis: its m rows (n,) become m - rank.
 
-    The directions are the ``rank`` orthonormal rows (m,) of V, in coordinates of the basis;
-    their orthonormal complement comes from Householder reflections.
+    The directions are the ``rank`` orthonormal rows (m,) of V, in coordinates of the basis.
+    Householder reflections turn the basis until they are its first rows; these are left out.
     """
+    if rank == m:
+        return
     for i in range(rank):
         norm = 0.0
         for c in range(i, m):
@@ -36,30 +38,20 @@ def reduce(N, spare, V, x, rank, m, n):  # type: ignore[no-untyped-def]
         for c in range(i, m):
             V[i, c] /= length
         for j in range(i + 1, rank):
-            _reflect(V[j], V[i], i, m)
+            along = 0.0
+            for c in range(i, m):
+                along += V[i, c] * V[j, c]
+            for c in range(i, m):
+                V[j, c] -= 2.0 * along * V[i, c]
+        for c in range(n):
+            along = 0.0
+            for row in range(i, m):
+                along += V[i, row] * N[row, c]
+            for row in range(i + 1, m):
+                N[row, c] -= 2.0 * along * V[i, row]
     for row in range(rank, m):
-        for c in range(m):
-            x[c] = 1.0 if c == row else 0.0
-        for i in range(rank - 1, -1, -1):
-            _reflect(x, V[i], i, m)
         for c in range(n):
-            entry = 0.0
-            for j in range(m):
-                entry += x[j] * N[j, c]
-            spare[row - rank, c] = entry
-    for row in range(m - rank):
-        for c in range(n):
-            N[row, c] = spare[row, c]
-
-
-@inner
-def _reflect(x, normal, first, m):  # type: ignore[no-untyped-def]
-    """Reflect a vector at the plane with a unit normal whose first entries are zero."""
-    along = 0.0
-    for c in range(first, m):
-        along += normal[c] * x[c]
-    for c in range(first, m):
-        x[c] -= 2.0 * along * normal[c]
+            N[row - rank, c] = N[row, c]
 
 
 @inner

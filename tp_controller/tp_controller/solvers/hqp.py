@@ -79,7 +79,8 @@ class HQPSolver(Solver):
         # The second pass's levels, and above them joints at the ends of their ranges.
         self._work = self._kernel.workspace(n + k, n)
         self._rows = np.vstack([np.eye(n), np.zeros((k, n))])
-        self._wish, self._slowed = np.zeros((2, n + k))
+        self._values = np.zeros((3, n + k))
+        self._wish, _, self._slowed = self._values
         self._flags = np.zeros((2, n + k), dtype=np.bool_)
         self._firsts = np.concatenate([[0], n + self._starts])
         self._was_rows = np.zeros(k, dtype=np.int64)
@@ -236,8 +237,7 @@ class HQPSolver(Solver):
         self._joints[:], self._free[:], self._again[:] = problem.stopped_joints, qd, self._asked
         return self._second.ask_again(
             self._rows,
-            self._wish,
-            self._slowed,
+            self._values,
             self._flags,
             self._firsts,
             self._all_rules,

@@ -10,7 +10,7 @@ import math
 
 from tp_controller.array_types import COLUMN, CUBE, FIXED, ROWS
 from tp_controller.compiled import boolean, float64, int64, njit, void
-from tp_controller.solvers.kernel import BENDS, DONE, ERRORS, recur
+from tp_controller.solvers.kernel import DONE, recur
 from tp_controller.solvers.settling import UNKNOWN
 
 ROUNDING = 1e-9
@@ -24,8 +24,7 @@ NOTHING, ONE, SEVERAL = 0, 1, 2
 @njit(
     int64(
         ROWS,
-        COLUMN,
-        COLUMN,
+        ROWS,
         boolean[:, ::1],
         int64[::1],
         ROWS,
@@ -50,7 +49,7 @@ NOTHING, ONE, SEVERAL = 0, 1, 2
     cache=True,
 )
 def ask_again(  # type: ignore[no-untyped-def]
-    J, wish, slowed, flags, starts, rules, metric, tolerance, endless, still, work, shares,
+    J, values, flags, starts, rules, metric, tolerance, endless, still, work, shares,
     stops, settling, known, hessians, equal, stopped_rows, stopped_joints, range_lower,
     range_upper, asked, qd,
 ):  # fmt: skip
@@ -58,9 +57,9 @@ def ask_again(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    J, wish, slowed
+    J, values
         Rows (n + K, n) of the n joints, as a level above all others, and of the levels; what they
-        ask for, and room for what the recursion makes of that (n + K,).
+        ask for, and room for what `recur` makes of that (3, n + K).
     flags, starts, rules, metric, tolerance, work, shares, stops, settling, known, hessians
         As `kernel.resolve`; which rows act is filled in here.
     endless, still
@@ -82,7 +81,7 @@ def ask_again(  # type: ignore[no-untyped-def]
     int
         `NOTHING`, `ONE` or `SEVERAL`; `FAILS` or `BENT`.
     """
-    n, k = qd.size, asked.size
+    n, k, wish = qd.size, asked.size, values[0]
     stopped = False
     for i in range(n):
         # Other limits come in anew with the second pass.
@@ -113,10 +112,9 @@ def ask_again(  # type: ignore[no-untyped-def]
             for i in range(k):
                 flags[0, n + i] = equal[i] or 0 <= stopped_rows[i] <= level
             done = recur(
-                J, wish, wish, slowed, flags[0], starts, rules, metric[0], tolerance,
-                boolean(False), boolean(False), endless[0], endless[1], endless[0], endless[1],
-                flags[1], metric[1], work, shares, stops, settling, n, known[ERRORS], hessians,
-                known[BENDS], still, endless[1], math.inf, qd,
+                J, values, flags, starts, rules, metric, tolerance, boolean(False),
+                boolean(False), endless[0], endless[1], endless[0], endless[1], work, shares,
+                stops, settling, n, known, hessians, still, endless[1], math.inf, qd,
             )  # fmt: skip
             if done != DONE:
                 return BENT if done == UNKNOWN else FAILS

@@ -150,14 +150,13 @@ def _stopper(J, start, way, low, high, sided, end, floor, held):  # type: ignore
 
 @inner
 def _aim(  # type: ignore[no-untyped-def]
-    J, asked, feedforward, velocity, order, k, first, end, square, acts, rule, smallest, weight,
-    level, N, m, bounded, change, dt, settling, offset, errors, hessians, bends, followed, lasting,
-    count, start, work,
+    J, values, acts, k, first, end, square, rule, smallest, weight, level, N, m, bounded, change,
+    dt, settling, offset, known, hessians, followed, lasting, count, start, work,
 ):  # fmt: skip
     """Fill ``work[6, 0]`` with a level's answer in a basis N (m, n), beyond what it has already.
 
     The velocity ``start`` (n,) is there already. What the level asks for is made small enough
-    for the joints to brake at its target, see `approach`, and is then in ``velocity``. A level
+    for the joints to brake at its target, see `approach`, and is then in ``values[2]``. A level
     that loses is settled; if what stops it is ``lasting``, no limit of acceleration, it is also
     hastened.
 
@@ -167,8 +166,10 @@ def _aim(  # type: ignore[no-untyped-def]
         The rank, and what `settle` found.
     """
     n = start.size
+    asked, feedforward, velocity = values[0], values[1], values[2]
+    errors, bends = known[ERRORS], known[BENDS]
     B, W, U, S = work[2], work[3], work[9], work[10, 0]
-    sides, answers = work[4, 0:3], work[6, 0:5]
+    sides, answers, order = work[4, 0:3], work[6, 0:5], work[4, 3]
     present, still = work[7, 3], work[7, 5]
     weights, lost = work[10, 2, : velocity.size], work[10, 3, : velocity.size]
     needed = work[NEEDED]
@@ -239,11 +240,13 @@ def _aim(  # type: ignore[no-untyped-def]
 
 @inner
 def _serve(  # type: ignore[no-untyped-def]
-    J, asked, feedforward, velocity, order, k, first, end, square, acts, rule, smallest, weight,
-    level, full, Z, freedom, low, high, firm_low, firm_high, sided, bounded, change, dt, floor,
-    stops, settling, offset, errors, hessians, bends, followed, count, found, work, share_of, qd,
+    J, values, flags, k, first, end, square, rule, smallest, weight, level, full, freedom, low,
+    high, firm_low, firm_high, bounded, change, dt, stops, settling, offset, known, hessians,
+    followed, count, found, work, qd,
 ):  # fmt: skip
     """Bring a level as far as the bounds allow; ``work[6, 0]`` is its answer without them.
+
+    It may use the ``freedom`` rows of the basis ``work[5]``, and gets ``work[10, 7, 0]`` of it.
 
     Where the way to the answer meets a velocity or acceleration limit, that joint is held and
     the others make up for it; this goes on until the level has what it asks for, or the joints
@@ -258,8 +261,9 @@ def _serve(  # type: ignore[no-untyped-def]
         joints that are held at limits of speed and acceleration, which pass.
     """
     n = qd.size
-    spare, B, W = work[1], work[2], work[3]
-    sides, answers = work[4, 0:3], work[6, 0:5]
+    velocity, acts, sided = values[2], flags[0], flags[1]
+    B, W, Z = work[2], work[3], work[5]
+    sides, answers, order, floor = work[4, 0:3], work[6, 0:5], work[4, 3], work[10, 5]
     base, start, way = work[7, 0, :n], work[7, 1, :n], work[7, 2, :n]
     best, origin, held = work[8, 0, :n], work[8, 1, :n], work[8, 2]
     U, S = work[9], work[10, 0]
@@ -336,25 +340,26 @@ def _serve(  # type: ignore[no-untyped-def]
         while d < lengths.size - 1 and lengths[d] != 0.0:
             d += 1
         root = math.sqrt(length)
+        for j in range(freedom):
+            B[0, j] = coordinates[j] / root
         for c in range(n):
-            taken[d, c] = 0.0
+            part = 0.0
             for j in range(freedom):
-                taken[d, c] += coordinates[j] / root * Z[j, c]
+                part += B[0, j] * Z[j, c]
+            taken[d, c] = part
         rows[d, :] = 0.0
         rows[d, critical] = 1.0
         lengths[d], lengths[d + 1] = root, 0.0
-        for j in range(freedom):
-            B[0, j] = coordinates[j] / root
-        reduce(Z, spare, B, answers[4], int64(1), freedom, n)
+        reduce(Z, B, int64(1), freedom, n)
         freedom -= 1
         if firm and freedom == 0:
             share = 1.0
             break
         if firm:
             full, found = _aim(
-                J, asked, feedforward, velocity, order, k, first, end, square, acts, rule,
-                smallest, weight, level, Z, freedom, bounded, change, dt, settling, offset, errors,
-                hessians, bends, followed, ranged, d + 1, base, work,
+                J, values, acts, k, first, end, square, rule, smallest, weight, level, Z, freedom,
+                bounded, change, dt, settling, offset, known, hessians, followed, ranged, d + 1,
+                base, work,
             )  # fmt: skip
             if found == UNKNOWN:
                 return UNKNOWN, found, found
@@ -370,21 +375,9 @@ def _serve(  # type: ignore[no-untyped-def]
                     sides[0, i] -= J[r, c] * origin[c]
                     sides[1, i] += J[r, c] * (base[c] - origin[c])
             rank = invert(
-                J,
-                order,
-                k,
-                Z[:, :n],
-                freedom,
-                rule,
-                smallest,
-                sides,
-                answers,
-                int64(2),
-                B,
-                W,
-                U,
+                J, order, k, Z[:, :n], freedom, rule, smallest, sides, answers, int64(2), B, W, U,
                 S,
-            )
+            )  # fmt: skip
             if rank < full:
                 break
         for c in range(n):
@@ -393,7 +386,7 @@ def _serve(  # type: ignore[no-untyped-def]
                 way[c] += answers[0, j] * Z[j, c]
                 if not firm:
                     start[c] -= answers[1, j] * Z[j, c]
-    share_of[0] = max(share, 0.0)
+    work[10, 7, 0] = max(share, 0.0)
     if some:
         for c in range(n):
             # Rounding may leave a component one unit in the last place outside.
@@ -403,40 +396,39 @@ def _serve(  # type: ignore[no-untyped-def]
 
 @inner
 def recur(  # type: ignore[no-untyped-def]
-    J, asked, feedforward, velocity, acts, starts, rules, basis, tolerance, bounded, brief, low,
-    high, firm_low, firm_high, sided, weight, work, shares, stops, settling, offset, errors,
-    hessians, bends, before, change, dt, qd,
+    J, values, flags, starts, rules, metric, tolerance, bounded, brief, low, high, firm_low,
+    firm_high, work, shares, stops, settling, offset, known, hessians, before, change, dt, qd,
 ):  # fmt: skip
     """Resolve levels one after the other, inside the bounds or without any; see `resolve`.
 
     Parameters
     ----------
-    J, asked, feedforward, velocity, acts, sided
+    J, values, flags
         Jacobian (K, n) of all rows: those of the n joints, which are the unit matrix, then those
-        of all levels; what each asks for (K,), the part of it that is no gain term, and the
-        result, see `resolve`; whether it is to have its velocity, and whether that is a bound.
-    basis, weight, errors, bends
-        As ``metric`` and ``known`` of `resolve`.
+        of all levels; what each asks for, the part of it that is no gain term, and the result,
+        see `resolve` (3, K); whether it is to have its velocity, and whether that is a bound
+        (2, K).
     bounded, brief
         Whether there are bounds; whether it is over where an answer without them breaks one.
     offset
         First row that has an error: n.
-    starts, rules, tolerance, low, high, firm_low, firm_high, work, shares, stops, settling, \
-    hessians, before, change, dt, qd
+    starts, rules, metric, tolerance, low, high, firm_low, firm_high, work, shares, stops, \
+    settling, known, hessians, before, change, dt, qd
         As `resolve`.
     """
     n = qd.size
     outside = False
     shares[:] = 1.0
     stops[:] = -1
-    N, spare, B, W, Z = work[0], work[1], work[2], work[3], work[5]
+    asked, velocity, acts, sided = values[0], values[2], flags[0], flags[1]
+    basis, weight = metric[0], metric[1]
+    N, B, W, Z = work[0], work[2], work[3], work[5]
     sides, answers, order = work[4, 0:3], work[6, 0:5], work[4, 3]
     U, S = work[9], work[10, 0]
     taken, rows, lengths = work[11], work[12], work[10, 1]
     raw, A, turn = work[13], work[14], work[15]
     weights, lost = work[10, 2, : velocity.size], work[10, 3, : velocity.size]
     pull, floor, present = work[10, 4, :n], work[10, 5], work[7, 3]
-    share_of = work[10, 7, 0:1]
     own_taken, own_rows, own_lengths = work[16], work[17], work[10, 8]
     verdicts = work[VERDICTS]
     verdicts[: starts.size] = NOTHING
@@ -467,10 +459,10 @@ def recur(  # type: ignore[no-untyped-def]
                     for c in range(n):
                         Z[j, c] = N[j, c]
                 result, _, _ = _serve(
-                    J, asked, asked, velocity, order, k, first, end, square, acts, rule, smallest,
-                    weight, level, full, Z, m, low, high, firm_low, firm_high, sided, bounded,
-                    change, dt, floor, stops, int64(PLAIN), offset, errors, hessians, bends,
-                    boolean(False), count, int64(NOTHING), work, share_of, qd,
+                    J, values, flags, k, first, end, square, rule, smallest, weight, level, full,
+                    m, low, high, firm_low, firm_high, bounded, change, math.inf, stops,
+                    int64(PLAIN), offset, known, hessians, boolean(False), count, int64(NOTHING),
+                    work, qd,
                 )  # fmt: skip
                 if result != DONE:
                     return result
@@ -478,13 +470,14 @@ def recur(  # type: ignore[no-untyped-def]
         k, square = gather(J, velocity, acts, first, end - first, qd, order, sides[0])
         if not square < math.inf:
             return FAILED
-        if m == 0:
+        # Joints that are to have no velocity of their own are a level that asks for nothing.
+        if m == 0 or (k == 0 and first < offset):
             continue
         smallest = tolerance * math.sqrt(square)
         full, found = _aim(
-            J, asked, feedforward, velocity, order, k, first, end, square, acts, rule, smallest,
-            weight, level, N, m, bounded, change, dt, settling, offset, errors, hessians, bends,
-            level + 1 < levels, boolean(True), count, qd, work,
+            J, values, acts, k, first, end, square, rule, smallest, weight, level, N, m, bounded,
+            change, dt, settling, offset, known, hessians, level + 1 < levels, boolean(True),
+            count, qd, work,
         )  # fmt: skip
         if found == UNKNOWN:
             return UNKNOWN
@@ -497,15 +490,14 @@ def recur(  # type: ignore[no-untyped-def]
                 Z[j, c] = N[j, c]
         freedom = m
         if full < m:
-            reduce(N, spare, B, answers[4], full, m, n)
+            reduce(N, B, full, m, n)
         m -= full
         # Directions that are held in this level stand after those of levels above, for a while.
         lengths[count] = 0.0
         result, found, lasting = _serve(
-            J, asked, feedforward, velocity, order, k, first, end, square, acts, rule, smallest,
-            weight, level, full, Z, freedom, low, high, firm_low, firm_high, sided, bounded,
-            change, dt, floor, stops, settling, offset, errors, hessians, bends,
-            level + 1 < levels, count, found, work, share_of, qd,
+            J, values, flags, k, first, end, square, rule, smallest, weight, level, full, freedom,
+            low, high, firm_low, firm_high, bounded, change, dt, stops, settling, offset, known,
+            hessians, level + 1 < levels, count, found, work, qd,
         )  # fmt: skip
         if result != DONE:
             return result
@@ -515,7 +507,7 @@ def recur(  # type: ignore[no-untyped-def]
                 return OUTSIDE
             outside = True
         verdicts[level] = lasting
-        shares[level] = share_of[0]
+        shares[level] = work[10, 7, 0]
         if found != NOTHING and m > 0:
             held = count
             while lengths[held] != 0.0:
@@ -547,10 +539,10 @@ def recur(  # type: ignore[no-untyped-def]
                 order[c] = c
             lengths[count] = 0.0
             result, _, _ = _serve(
-                J, asked, asked, velocity, order, n, int64(0), asked.size, float(n), acts,
-                rules[0], 0.0, weight, int64(-1), m, Z, m, low, high, firm_low, firm_high, sided,
-                bounded, change, dt, floor, stops, int64(PLAIN), offset, errors, hessians, bends,
-                boolean(False), count, int64(NOTHING), work, share_of, qd,
+                J, values, flags, n, int64(0), asked.size, float(n), rules[0], 0.0, weight,
+                int64(-1), m, m, low, high, firm_low, firm_high, bounded, change, math.inf, stops,
+                int64(PLAIN), offset, known, hessians, boolean(False), count, int64(NOTHING), work,
+                qd,
             )  # fmt: skip
             if result != DONE:
                 return result
@@ -721,10 +713,9 @@ def resolve(  # type: ignore[no-untyped-def]
     bounded = boolean(False)
     for _ in range(2):
         result = recur(
-            rows, asked, feedforward, slowed, flags[0], starts, rules, metric[0], tolerance,
-            bounded, wanted == BRIEF, low, high, firm_low, firm_high, flags[1], metric[1], work,
-            shares, stops, settling, n, known[ERRORS], hessians, known[BENDS], before, change, dt,
-            qd if bounded else free,
+            rows, values, flags, starts, rules, metric, tolerance, bounded, wanted == BRIEF, low,
+            high, firm_low, firm_high, work, shares, stops, settling, n, known, hessians, before,
+            change, dt, qd if bounded else free,
         )  # fmt: skip
         if bounded or result in (UNKNOWN, FAILED):
             break

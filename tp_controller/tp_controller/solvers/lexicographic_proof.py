@@ -152,7 +152,7 @@ def _cone(C, count, m, g, weights, G, h, free):  # type: ignore[no-untyped-def]
 
 
 @inner
-def _step(J, order, k, right, smallest, x, N, m, spare, answers, B, W, U, S):  # type: ignore[no-untyped-def]
+def _step(J, order, k, right, smallest, x, N, m, answers, B, W, U, S):  # type: ignore[no-untyped-def]
     """Add the least squares of rows to x, take them out of the basis; return its new size."""
     n = x.size
     rule = UNDAMPED
@@ -161,7 +161,7 @@ def _step(J, order, k, right, smallest, x, N, m, spare, answers, B, W, U, S):  #
         for j in range(m):
             x[c] += answers[0, j] * N[j, c]
     if 0 < rank < m:
-        reduce(N, spare, B, answers[1], rank, m, n)
+        reduce(N, B, rank, m, n)
     return m - rank
 
 
@@ -208,7 +208,7 @@ def settle(  # type: ignore[no-untyped-def]
         Whether every level is proven.
     """
     n, last = lower.size, starts.size - 2
-    N, spare, B, W = work[0], work[1], work[2], work[3]
+    N, B, W = work[0], work[2], work[3]
     right, answers, order = work[4, 0:1], work[6, 0:2], work[9, 1]
     x, g, weights, free, h = work[7, 0, :n], work[7, 1], work[7, 2], work[8, 0], work[8, 1]
     kept, C, G, normals = work[9, 0], work[5], work[10], work[11]
@@ -302,15 +302,13 @@ def settle(  # type: ignore[no-untyped-def]
                 for i in range(stopped):
                     length += squared(normals[i, :n])
                 smallest = tolerance * math.sqrt(length)
-                m = _step(
-                    normals, weights, stopped, right, smallest, x, N, m, spare, answers, B, W, U, S
-                )
+                m = _step(normals, weights, stopped, right, smallest, x, N, m, answers, B, W, U, S)
             if m > 0:
                 for i in range(k):
                     r = int(order[i])
                     right[0, i] = velocity[r] - along(J[r], x)
                 smallest = tolerance * math.sqrt(square)
-                m = _step(J, order, k, right, smallest, x, N, m, spare, answers, B, W, U, S)
+                m = _step(J, order, k, right, smallest, x, N, m, answers, B, W, U, S)
             state[0] = m
         for r in range(starts[level], starts[level + 1]):
             if one_sided[r] and velocity[r] - along(J[r], out) <= ACTIVE * largest:

@@ -45,6 +45,8 @@ REGULAR = 1e-6
 """Square of the damping of the multipliers."""
 ORTHOGONAL = 1e-15
 """Rows whose cosine is below this count as orthogonal."""
+NEARLY = 1e-8
+"""Turns by less, of rows with smaller cosines, leave cosines of the size of this square."""
 FAR_APART = 1e8
 """Cotangent of twice an angle beyond which the cosine of the angle is 1 in floating point."""
 SWEEPS = 60
@@ -77,7 +79,6 @@ def orthogonalise(B, W, p, q, turns):  # type: ignore[no-untyped-def]
                     jj += B[j, c] * B[j, c]
                 if not ij * ij > ORTHOGONAL * ii * (ORTHOGONAL * jj):
                     continue
-                turned = True
                 ratio = (jj - ii) / (2.0 * ij)
                 size = abs(ratio)
                 t, cosine = 0.5 / size if size > 0.0 else 1.0, 1.0
@@ -88,6 +89,8 @@ def orthogonalise(B, W, p, q, turns):  # type: ignore[no-untyped-def]
                 if ratio < 0.0:
                     t = -t
                 sine = cosine * t
+                if abs(sine) > NEARLY or ij * ij > NEARLY * ii * (NEARLY * jj):
+                    turned = True
                 for c in range(q):
                     a, b = B[i, c], B[j, c]
                     B[i, c], B[j, c] = cosine * a - sine * b, sine * a + cosine * b
