@@ -246,7 +246,8 @@ def _serve(  # type: ignore[no-untyped-def]
 ):  # fmt: skip
     """Bring a level as far as the bounds allow; ``work[6, 0]`` is its answer without them.
 
-    It may use the ``freedom`` rows of the basis ``work[5]``, and gets ``work[10, 7, 0]`` of it.
+    It may use the ``freedom`` rows (n,) of the basis ``work[5]``. The share of its wish that it
+    gets is then in ``work[10, 7, 0]``.
 
     Where the way to the answer meets a velocity or acceleration limit, that joint is held and
     the others make up for it; this goes on until the level has what it asks for, or the joints
