@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -424,18 +425,20 @@ def _table(name: str, outcomes: dict[str, Outcome]) -> Table:
 
 def _plant_table(name: str, outcomes: dict[str, Outcome]) -> Table:
     steps = next(iter(outcomes.values())).steps
-    table = Table(title=f'{escape(name)}: {steps:,} steps to random goals', title_style='bold')
+    title = f'{escape(name)}: {steps:,} steps to random goals'
+    table = Table(title=title, title_style='bold', box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
     table.add_column('arm')
     for header in (
         'least\ndistance',
         'least\nroom',
-        'velocity\n/ limit',
-        'acceleration\n/ limit',
-        'sign changes\nat rest',
+        'speed\n/ limit',
+        'accel.\n/ limit',
+        'signs\nat rest',
         'not\nfollowing',
         'goals\nreached',
     ):
-        table.add_column(header, justify='right')
+        # The first column is broken into lines on a narrow terminal, numbers are not.
+        table.add_column(header, justify='right', no_wrap=True)
     for plant, seen in outcomes.items():
         table.add_row(
             plant,
@@ -445,7 +448,7 @@ def _plant_table(name: str, outcomes: dict[str, Outcome]) -> Table:
             f'{seen.acceleration:.4f}',
             f'{seen.restless:.2%}',
             f'{seen.astray:,}',
-            f'{seen.reached} of {seen.goals}',
+            f'{seen.reached}/{seen.goals}',
             style='red' if seen.broken else None,
         )
     return table
