@@ -115,12 +115,12 @@ def test_commands_that_come_late_for_a_while_are_waited_for(seed):
     rng = np.random.default_rng(seed)
     stack = joint_stack(target=(0.0, 0.0))
     plant = plant_of(stack)
-    commands, delay = [np.zeros(2)] * 8, 0
+    commands, delay = [np.zeros(2)] * 12, 0
     for i in range(200):
         if i % 8 == 0:
             stack.tasks['joints'].target = rng.uniform(-0.2, 0.2, 2)
         # Late by some periods on the way there, and caught up again.
-        delay = int(np.clip(delay + rng.integers(-1, 2), 0, 4))
+        delay = int(np.clip(delay + rng.integers(-1, 2), 0, 8))
         plant.step(commands[-1 - delay], PERIOD)
         in_time = i % 3 > 0 and rng.random() < 0.5
         stack.arm.late = PERIOD * (rng.uniform(0.0, 0.5) if in_time else rng.uniform(0.6, 2.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cached_property, reduce
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -35,9 +35,9 @@ may have stopped the arm."""
 SOON = 0.5
 """A command that was sent later than this share of a period after its state may not have acted
 when the next state was measured,"""
-OVERTAKEN = 3
-"""nor may so many of those before, and as many more as it was late by in periods; this counts for
-as many commands that follow."""
+OVERTAKEN, OVERTAKEN_TIME = 3, 0.1
+"""nor may so many of those before, or those of so much time [s]; this counts for as many commands
+that follow."""
 JUMP = 3.0
 """So many times as far as its velocity limit lets it a joint does not get."""
 JUMP_LEAST = 0.05
@@ -77,7 +77,9 @@ class Judgement:
         self._measured = np.zeros((model.times.size, chart.space.nq))
         """Configurations (m, nq) that the commands of the ring answer; not for an ideal arm."""
         self.limit = np.full(n, math.inf)
-        self._late, self._overtaken, self._unsure = 0.0, 0, 0
+        self._late, self._unsure = 0.0, 0
+        many = math.ceil(OVERTAKEN_TIME / model.period) if model.timed else OVERTAKEN
+        self._overtaken = min(max(OVERTAKEN, many), model.times.size - 2)
         self._found, self._asked, self._q, self._qd = np.zeros(2), *np.zeros((3, n))
         self._follow: Prepared | None = None
         self._begin: Prepared | None = None
@@ -101,10 +103,7 @@ class Judgement:
     @late.setter
     def late(self, seconds: float) -> None:
         self._late = seconds
-        periods = seconds / self._model.period
-        if periods > SOON:
-            many = min(OVERTAKEN + int(periods), self._model.times.size - 2)
-            self._overtaken = max(many, self._overtaken if self._unsure else 0)
+        if seconds > SOON * self._model.period:
             self._unsure = self._overtaken
         elif self._unsure:
             self._unsure -= 1
@@ -194,8 +193,9 @@ class Judgement:
     def _slowest(self) -> Vector:
         """Of the commands before the last the slowest (n,); zero where they are opposite."""
         model = self._model
-        recent = [model.commands[model.head - i] for i in range(1, self._overtaken + 1)]
-        return reduce(_nearer_zero, recent)
+        recent = model.commands[model.head - np.arange(1, self._overtaken + 1)]
+        low, high = recent.min(axis=0), recent.max(axis=0)
+        return np.where(low > 0.0, low, np.minimum(high, 0.0))
 
     def _see_stops(self, before: Vector, qd: Vector) -> None:
         """Let joints that stand, or nearly so, after a pause go on from what they say of it."""
