@@ -130,6 +130,25 @@ def test_commands_that_come_late_for_a_while_are_waited_for(seed):
         commands.append(command)
 
 
+def test_on_a_late_machine_a_blocked_joint_is_tried_once_until_it_moves():
+    """It may be an arm that gets its commands late: but not for ever."""
+    stack = joint_stack()
+    plant = plant_of(stack)
+    sent = []
+    for i in range(500):
+        plant.blocked = i < 400
+        # Late now and then, as a busy machine is.
+        stack.arm.late = 2.0 * PERIOD if i % 5 == 0 else 0.0
+        q, qd = plant.measured()
+        sent.append(stack.step(q, PERIOD, qd).command[0])
+        plant.step(np.array([sent[-1], 0.0]), PERIOD)
+    tried = round(0.5 / PERIOD)
+    assert 2.0 * CHANGE < max(sent[:tried]) <= 4.0 * 0.1
+    assert max(sent[tried:400]) <= CHANGE * (1.0 + 1e-9)
+    assert np.diff(sent[399:]).max() <= CHANGE * (1.0 + 1e-9)
+    assert sent[-1] == pytest.approx(2.0)
+
+
 def test_a_joint_that_says_it_moves_is_not_blocked_if_the_time_is_known_badly():
     """Without stamps a sender that is late by a period and more looks like a joint that slows."""
     stack = joint_stack()

@@ -38,6 +38,8 @@ when the next state was measured,"""
 OVERTAKEN, OVERTAKEN_TIME = 3, 0.1
 """nor may so many of those before, or those of so much time [s]; this counts for as many commands
 that follow."""
+STANDS = 1e-4
+"""Velocity [rad/s, m/s] below which a joint stands still."""
 JUMP = 3.0
 """So many times as far as its velocity limit lets it a joint does not get."""
 JUMP_LEAST = 0.05
@@ -117,6 +119,7 @@ class Judgement:
     def rest(self) -> None:
         """Forget what was found."""
         self._began, self.doubted, self.following = 0.0, False, True
+        self._stood = np.zeros(len(self._joints))
         self.notice = ''
 
     def keep(self) -> None:
@@ -177,7 +180,7 @@ class Judgement:
             return False
         if late and passed > 0.0:
             # A driver may give the command for the velocity: positions tell.
-            moves = _carries_out((q - there) / passed, self._slowest())
+            moves = self._may_be_late((q - there) / passed, passed)
             before[moves] = self._asked[moves]
         if qd is not None:
             doubtful = abs(passed - model.period) > DOUBTFUL * model.period
@@ -189,6 +192,17 @@ class Judgement:
         self.doubted = False
         self._judge(q, before)
         return True
+
+    def _may_be_late(self, moved: Vector, passed: float) -> NDArray[np.bool_]:
+        """Which joints (n,), moved by so much a second, may carry out an earlier command.
+
+        Not one that has stood for longer, though it was commanded to move: until it moves.
+        """
+        stands = np.abs(moved) < STANDS
+        self._stood[~stands] = 0.0
+        self._stood[stands & (np.abs(self._asked) > STANDS)] += passed
+        stuck = self._stood > OVERTAKEN_TIME + OVERTAKEN * self._model.period
+        return _carries_out(moved, self._slowest()) & ~stuck
 
     def _slowest(self) -> Vector:
         """Of the commands before the last the slowest (n,); zero where they are opposite."""
