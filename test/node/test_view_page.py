@@ -4,6 +4,9 @@ import contextlib
 import io
 import math
 import os
+import threading
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from PIL import Image
 
 from tp_controller import Robot
 from tp_controller.recording import Recording, run_of
+from tp_controller.view.site import SCRIPT
 from tp_sim.harness import ClosedLoop, NodeProcess
 from tp_sim.harness.browser import NAMES, Browser, Place, chromium, text_element
 
@@ -171,3 +175,41 @@ def test_a_slider_scrubs_through_a_recording(tmp_path, browser):
         browser.click(text_element('Play'))
         # From the end it begins anew.
         browser.find(text_element('Pause'))
+
+
+@pytest.mark.parametrize(
+    ('address', 'width', 'told'),
+    [
+        ('', 2 * WIDTH, '?fixedDpr=0.50'),
+        (
+            '?initialCameraPosition=1,2,3',
+            2 * WIDTH,
+            '?initialCameraPosition=1%2C2%2C3&fixedDpr=0.50',
+        ),
+        ('?fixedDpr=2', 2 * WIDTH, '?fixedDpr=2'),
+        ('?smooth', 2 * WIDTH, '?smooth'),
+        ('', WIDTH, ''),
+    ],
+)
+def test_larger_windows_have_larger_pixels_without_a_graphics_card(
+    browser, tmp_path, address, width, told
+):
+    (tmp_path / 'index.html').write_text(f'<html><head>{SCRIPT}</head></html>')
+    handler = partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
+    with ThreadingHTTPServer(('127.0.0.1', 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        size = {'width': width, 'height': width * TALL // WIDTH}
+        browser.call(
+            'Emulation.setDeviceMetricsOverride', **size, deviceScaleFactor=1, mobile=False
+        )
+        try:
+            browser.open(f'http://127.0.0.1:{server.server_port}/{address}')
+            there = (
+                f"location.port === '{server.server_port}' && document.readyState === 'complete'"
+            )
+            browser.wait_for(lambda: browser.evaluate(there), 'the page')
+            assert browser.evaluate('location.search') == told
+        finally:
+            browser.call('Emulation.clearDeviceMetricsOverride')
+            browser.open('about:blank')
+            server.shutdown()
