@@ -265,7 +265,7 @@ def test_the_command_waits_and_its_status_tells(real):
 
 
 def test_ctrl_c_cancels_and_the_arm_stays(real):
-    # On a busy machine the signal comes late: the arm is still on its way by then.
+    # On a busy machine the signal comes late: a slow arm is still on its way by then.
     real.set_parameters({'tasks.ee_position.gain': [0.05]})
     process = send_goal(real, 'ee_position', '0', '1', '--wait')
     real.client.wait_for(lambda: ' away' in process.output, 'progress', 20.0)

@@ -15,6 +15,7 @@ from tp_sim.integrator import Integrator
 from tp_sim.plant import Plant, PlantSettings
 from tp_sim.settings import build_simulator_settings
 from tp_sim.stress import declaration, run
+from tp_sim.watch import Watch
 
 STEPS = 1500
 SCHEMES = [name for name in SOLVER_TYPES if name != 'extended_jacobian']
@@ -146,6 +147,17 @@ def test_an_arm_that_the_controller_knows_breaks_no_limit_and_one_that_it_does_n
     assert told.restless < 0.01
     assert told.astray == 0
     assert run(values, start, 1800, 0, None, simulated, declared=False).broken
+
+
+def test_an_arm_that_its_watchdog_stopped_goes_on_from_what_its_joints_do(config, monkeypatch):
+    values, start = parameters(config / 'b3_pressed.yaml')
+    simulated = read_parameter_file(config / 'b3_pressed.yaml', 'tp_sim') | {
+        'plant.state_loss': 0.5
+    }
+    assert not run(values, start, 3000, 0, None, simulated).broken
+    see = Watch.see_command
+    monkeypatch.setattr(Watch, 'see_command', lambda *given: see(*given[:4]))
+    assert run(values, start, 3000, 0, None, simulated).acceleration > 2.0
 
 
 def test_distances_and_ranges_are_those_of_the_true_arm(config):

@@ -95,7 +95,7 @@ class Judgement:
             [JUMP, JUMP_LEAST, FARTHEST, self._memory, PARTED, self._allowed, SLOWER]
         )
         self.rest()
-        self._past = self._began, self.doubted, self.following
+        self._past = self._began, self.doubted, self.following, self._stood
 
     @property
     def late(self) -> float:
@@ -124,11 +124,11 @@ class Judgement:
 
     def keep(self) -> None:
         """Let `undo` lead to what is known now."""
-        self._past = self._began, self.doubted, self.following
+        self._past = self._began, self.doubted, self.following, self._stood
 
     def undo(self) -> None:
         """Go back to what was known when it was kept."""
-        self._began, self.doubted, self.following = self._past
+        self._began, self.doubted, self.following, self._stood = self._past
 
     def send(self) -> None:
         """Take note of a command that was sent to the arm where it was measured last."""
@@ -199,8 +199,9 @@ class Judgement:
         Not one that has stood for longer, though it was commanded to move: until it moves.
         """
         stands = np.abs(moved) < STANDS
-        self._stood[~stands] = 0.0
-        self._stood[stands & (np.abs(self._asked) > STANDS)] += passed
+        asked = np.abs(self._asked) > STANDS
+        # A new array: `undo` goes back to the one before.
+        self._stood = np.where(stands, self._stood + passed * asked, 0.0)
         stuck = self._stood > OVERTAKEN_TIME + OVERTAKEN * self._model.period
         return _carries_out(moved, self._slowest()) & ~stuck
 
