@@ -14,7 +14,7 @@ from tp_controller.robot import Frame
 from tp_controller.ros.trajectory_bytes import PointValues, trajectory_message
 from tp_controller.rotations import rotations_from_quaternions
 from tp_controller.tasks import FrameTask, JointTask, PositionTask
-from tp_controller.tasks.base import LARGEST
+from tp_controller.tasks.checks import LARGEST
 from tp_controller.trajectory import (
     FramePath,
     JointPath,

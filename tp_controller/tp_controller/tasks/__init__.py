@@ -5,8 +5,9 @@ from typing import Any
 
 from tp_controller.errors import InvalidValue, listed
 from tp_controller.plugins import Registry, check_class
-from tp_controller.tasks.base import COMMON, Common, Task
+from tp_controller.tasks.base import Task
 from tp_controller.tasks.clearance import ClearanceTask
+from tp_controller.tasks.common import COMMON, Common
 from tp_controller.tasks.frame import FrameTask
 from tp_controller.tasks.gaze import GazeTask
 from tp_controller.tasks.joint import JointTask

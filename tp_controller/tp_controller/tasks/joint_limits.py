@@ -17,7 +17,7 @@ from tp_controller.tasks.set_based import THRESHOLDS, SetBasedTask, Switching
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from tp_controller.tasks.base import Common
+    from tp_controller.tasks.common import Common
 
 Vector = NDArray[np.float64]
 
