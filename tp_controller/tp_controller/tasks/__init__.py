@@ -20,6 +20,7 @@ from tp_controller.tasks.position import PositionTask
 from tp_controller.tasks.posture import PostureTask
 from tp_controller.tasks.self_collision import SelfCollisionTask
 from tp_controller.tasks.set_based import SetBasedTask, Switching
+from tp_controller.tasks.task_settings import TaskSettings
 from tp_controller.tasks.whole_arm import Measures, WholeArmTask
 
 _OWN: tuple[type[Task], ...] = (
@@ -71,5 +72,6 @@ __all__ = [
     'SetBasedTask',
     'Switching',
     'Task',
+    'TaskSettings',
     'WholeArmTask',
 ]
