@@ -19,8 +19,9 @@ from tp_controller.tasks.pose import PoseTask
 from tp_controller.tasks.position import PositionTask
 from tp_controller.tasks.posture import PostureTask
 from tp_controller.tasks.self_collision import SelfCollisionTask
-from tp_controller.tasks.set_based import SetBasedTask, Switching
+from tp_controller.tasks.set_based import SetBasedTask
 from tp_controller.tasks.task_settings import TaskSettings
+from tp_controller.tasks.thresholds import Switching
 from tp_controller.tasks.whole_arm import Measures, WholeArmTask
 
 _OWN: tuple[type[Task], ...] = (
