@@ -16,14 +16,13 @@ from tp_controller.solvers.codes import (
     DONE,
     ERRORS,
     FAILED,
-    LEAVES,
     LOSES,
     NOTHING,
     PLAIN,
     UNKNOWN,
 )
 from tp_controller.solvers.directions import invert, reduce
-from tp_controller.solvers.settling import hasten, settle
+from tp_controller.solvers.settling import hasten, newton, settle
 from tp_controller.solvers.workspace import NEEDED, SHARE_GOT
 
 ALONG = 1e-9
@@ -166,31 +165,33 @@ def aim(  # type: ignore[no-untyped-def]
     if bounded:
         coordinates(N, m, weight, start, present)
         _fade(m, B, S, rank, rule, present, answers[0])
-    found = LOSES
+    found, mix = NOTHING, 0.0
+    if settling != PLAIN:
+        found, mix = settle(
+            J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
+            N[:, :n], m, rank, B, U, S, rule, square, followed, count, work[11], work[12],
+            work[10, 1], weights, work[10, 4, :n], work[13], work[14], work[15], lost, needed,
+        )  # fmt: skip
+        if found == UNKNOWN:
+            return rank, found
     if slow:
         # Its gain term alone, from standstill.
         for j in range(m):
             answers[3, j] = answers[1, j]
-        found = NOTHING
-        if settling != PLAIN:
-            found = settle(
-                J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
-                N[:, :n], m, rank, B, U, S, sides[1], still, rule, square, followed, count,
-                work[11], work[12], work[10, 1], weights, work[10, 4, :n], work[13], work[14],
-                work[15], lost, needed, answers[3],
-            )  # fmt: skip
-            if lasting and found in (NOTHING, LEAVES):
-                result = hasten(
-                    J, first, end, hessians, bends, settling == BENT, offset, N[:, :n], m, rank, B,
-                    S, lost, count, work[11], work[12], work[10, 1], weights, work[10, 4, :n],
-                    work[13], work[14], work[15], needed, answers[3],
-                )  # fmt: skip
-                if result == UNKNOWN:
-                    return rank, result
-            if found == UNKNOWN:
-                return rank, found
         if found == LOSES:
+            newton(
+                k, m, rank, B, U, S, sides[1], still, square, work[14], work[15], mix,
+                work[10, 4, :n], answers[3],
+            )  # fmt: skip
             answers[2] = 0.0
+        elif settling != PLAIN and lasting:
+            result = hasten(
+                J, first, end, hessians, bends, settling == BENT, offset, N[:, :n], m, rank, B, S,
+                lost, count, work[11], work[12], work[10, 1], weights, work[10, 4, :n], work[13],
+                work[14], work[15], needed, answers[3],
+            )  # fmt: skip
+            if result == UNKNOWN:
+                return rank, result
         share = SHARE if level <= FIRST else LOWER_SHARE
         gain = math.sqrt(wishes / far)
         excess = 1.0 - able_share(N, m, answers[3], answers[2], gain, share, change, dt)
@@ -201,14 +202,10 @@ def aim(  # type: ignore[no-untyped-def]
         gain_term = answers[1] if found == LOSES else answers[3]
         for j in range(m):
             answers[0, j] += (1.0 - excess) * gain_term[j] - answers[1, j]
-    if settling == PLAIN:
-        return rank, NOTHING
     if found == LOSES:
-        found = settle(
-            J, order, k, first, end, acts, errors, hessians, bends, settling == BENT, offset,
-            N[:, :n], m, rank, B, U, S, sides[0], present, rule, square, followed, count,
-            work[11], work[12], work[10, 1], weights, work[10, 4, :n], work[13], work[14],
-            work[15], lost, needed, answers[0],
+        newton(
+            k, m, rank, B, U, S, sides[0], present, square, work[14], work[15], mix,
+            work[10, 4, :n], answers[0],
         )  # fmt: skip
     return rank, found
 

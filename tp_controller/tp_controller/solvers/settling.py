@@ -49,10 +49,10 @@ SHORT = 1e-6
 @inner
 def settle(  # type: ignore[no-untyped-def]
     J, order, k, first, end, acts, errors, hessians, bends, known, offset,
-    N, m, rank, B, U, S, side, present, rule, square, followed,
-    count, taken, rows, lengths, weights, pull, raw, A, W, lost, needed, answer,
+    N, m, rank, B, U, S, rule, square, followed,
+    count, taken, rows, lengths, weights, pull, raw, A, W, lost, needed,
 ):  # fmt: skip
-    """Change a level's answer where it cannot get what it asks for.
+    """Find out whether a level cannot get what it asks for; `newton` then changes its answer.
 
     Parameters
     ----------
@@ -64,29 +64,29 @@ def settle(  # type: ignore[no-untyped-def]
         second derivatives are filled in.
     N, m, rank, B, U, S
         Basis (m, n) of the freedom, and the level's directions, see `directions.invert`.
-    side, present, rule, square
-        What the level asks for (k,) beyond the present velocity, the coordinates (m,) of that in
-        the basis, the level's damping, and the square of its Jacobian's norm.
+    rule, square
+        The level's damping, and the square of its Jacobian's norm.
     followed
         Whether a level below could use freedom that is left.
     count, taken, rows, lengths
         Directions that levels above have taken, see `keep`.
-    weights, pull, raw, A, W
+    weights, pull, raw
         Space to work in.
+    A, W
+        Results where it loses, for `newton`: the rows of A (m, m) are as long as the second
+        derivatives of what it loses, those of W are their directions.
     lost
         Result: the error (K,) that is lost, to `reserve`.
     needed
         Result (1,): 1 where second derivatives count, else left as it is.
-    answer
-        The level's answer (m,), to be changed.
 
     Returns
     -------
-    int
-        `NOTHING`, `LOSES`, `UNKNOWN` or `LEAVES`.
+    int, float
+        `NOTHING`, `LOSES`, `UNKNOWN` or `LEAVES`; how far its answer is `newton`'s, from 0 to 1.
     """
     if first < offset or end - offset > errors.size:
-        return NOTHING
+        return NOTHING, 0.0
     mean = max(square / max(k, 1), SHORT)
     size = 0.0
     weights[:] = 0.0
@@ -97,7 +97,7 @@ def settle(  # type: ignore[no-untyped-def]
             lost[r] = weights[r]
             size = max(size, abs(weights[r]))
     if size == 0.0:
-        return NOTHING
+        return NOTHING, 0.0
     # What is left of the error outside all directions that the level can move.
     for i in range(rank):
         along = 0.0
@@ -118,7 +118,7 @@ def settle(  # type: ignore[no-untyped-def]
     near = dropped or least < NEAR * math.sqrt(mean)
     leaves = followed and m > rank and outside > 0.0
     if not (near or leaves):
-        return NOTHING
+        return NOTHING, 0.0
     add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull)
     # If the bounds alone show that nothing is lost, second derivatives are not used even where
     # they are known: the answer must not depend on whether they are.
@@ -126,10 +126,10 @@ def settle(  # type: ignore[no-untyped-def]
     for r in range(offset, end):
         bound += abs(weights[r]) * bends[r - offset]
     if bound <= (FREE * mean if dropped or leaves else LOST * least * least):
-        return NOTHING
+        return NOTHING, 0.0
     needed[0] = 1.0
     if not known:
-        return UNKNOWN
+        return UNKNOWN, 0.0
     # How far each direction is lost: not at all up to a curvature of LOST s².
     curvature(weights, end, hessians, offset, N, m, raw, W, A)
     edge = NEAR * math.sqrt(mean)
@@ -163,9 +163,9 @@ def settle(  # type: ignore[no-untyped-def]
     for r in range(first, end):
         found = max(found, abs(lost[r]))
     if found == 0.0:
-        return NOTHING
+        return NOTHING, 0.0
     if most == 0.0:
-        return LEAVES
+        return LEAVES, 0.0
     for r in range(first, end):
         weights[r] = lost[r]
     add_multipliers(J, first, end, count, taken, rows, lengths, weights, pull)
@@ -177,6 +177,29 @@ def settle(  # type: ignore[no-untyped-def]
         for a in range(m):
             for b in range(m):
                 A[a, b] += filtered * B[i, a] * B[i, b]
+    orthogonalise(A, W, m, m, True)
+    return LOSES, min(1.0, 2.0 * most)
+
+
+@inner
+def newton(  # type: ignore[no-untyped-def]
+    k, m, rank, B, U, S, side, present, square, A, W, mix, pull, answer,
+):  # fmt: skip
+    """Change the answer (m,) of a level that loses into a step of Newton's method.
+
+    Parameters
+    ----------
+    k, m, rank, B, U, S, square, A, W, mix
+        As `settle` has them, and what it found.
+    side, present
+        What the level asks for (k,) beyond the present velocity, and the coordinates (m,) of that
+        in the basis.
+    pull
+        Space to work in.
+    answer
+        The level's answer, to be changed.
+    """
+    mean = max(square / max(k, 1), SHORT)
     asked = 0.0
     for r in range(k):
         asked += side[r] * side[r]
@@ -194,8 +217,6 @@ def settle(  # type: ignore[no-untyped-def]
         asked += along * along
         for a in range(m):
             pull[a] += S[i] * along * B[i, a]
-    orthogonalise(A, W, m, m, True)
-    mix = min(1.0, 2.0 * most)
     for a in range(m):
         answer[a] = (1.0 - mix) * answer[a] - mix * present[a]
     for i in range(m):
@@ -208,7 +229,6 @@ def settle(  # type: ignore[no-untyped-def]
         step = mix * along / slope * max(0.0, 1.0 - IDLE * asked / gain) if gain > 0.0 else 0.0
         for a in range(m):
             answer[a] += step * W[i, a]
-    return LOSES
 
 
 @inner
