@@ -399,7 +399,10 @@ class SafetyFilter:
             command,
         )
         if self._late and not self._plain:
-            np.clip(command, self._bounds.soon_lower, self._bounds.soon_upper, out=command)
+            # Zero is always among them: braking does not bring a joint back into its range.
+            lower = np.minimum(self._bounds.soon_lower, 0.0)
+            upper = np.maximum(self._bounds.soon_upper, 0.0)
+            np.clip(command, lower, upper, out=command)
 
     def _give_way(self, command: Vector) -> None:
         """Send less of a command (n,) and more braking where a distance would be too small."""
