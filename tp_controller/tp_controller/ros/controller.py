@@ -125,7 +125,7 @@ class ControllerNode(ManagedNode):
         if self._settings.values[START] == HOLD:
             self._warn_of_feedforwards('from the start, though start is hold')
         watch = StateWatch(limit, period, time.monotonic() - time.time())
-        intake = self._intake = Intake(self, watch)
+        intake = self._intake = Intake(self, watch, robot.coordinates)
         reference = None
         if values['command.type'] in POSITION_TYPES:
             reference = PositionReference(self._stack, values['command.tolerance'])
@@ -147,7 +147,9 @@ class ControllerNode(ManagedNode):
             self._found_rate if self._needs_rate(reference is not None) else None,
             reference,
         )
-        self._neighbours = Neighbours(self, commands.topic, intake.topic, self._warnings)
+        self._neighbours = Neighbours(
+            self, commands.topic, intake.topic, self._warnings, intake.others
+        )
         self._receivers: Receivers | None = None
         if not is_stamped(values['command.type']):
             interface = 'position' if self._positions else 'velocity'

@@ -173,6 +173,7 @@ class Cycle:
         try:
             arrivals = self._intake.take()
             if not arrivals:
+                self._note_others()
                 return False
             arrival = self._choose(arrivals)
             return arrival is not None and self._answer(arrival)
@@ -180,6 +181,17 @@ class Cycle:
             raise ControlFailed(f'{type(error).__name__}: {error}') from error
         finally:
             self._count()
+
+    def _note_others(self) -> None:
+        """Tell of joint states of other devices while none of the robot comes."""
+        msg, self._intake.others.newest = self._intake.others.newest, None
+        if msg is None or self.running:
+            return
+        try:
+            self._reader.read(msg, self._q)
+        except InvalidValue as error:
+            self._state.ignored_states += 1
+            self._warnings.warn('joint states', f'joint state ignored: {error}')
 
     @property
     def ready_at(self) -> float:
