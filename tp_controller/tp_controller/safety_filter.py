@@ -282,6 +282,16 @@ class SafetyFilter:
         self._before[:] = command
         self.arm.send(command)
 
+    def let_rest(self) -> None:
+        """Let joints stay outside their ranges in this step: braking does not bring them back.
+
+        To be called after `bounds` and before `pass_on`.
+        """
+        narrow = [self.transition.bounds] if self.transition.under_way else []
+        for bounds in narrow if self._plain else [self._bounds, *narrow]:
+            np.minimum(bounds.soon_lower, 0.0, out=bounds.soon_lower)
+            np.maximum(bounds.soon_upper, 0.0, out=bounds.soon_upper)
+
     def approach(self, command: Vector) -> None:
         """Bring a wished command (n,) to what this step allows, in the same direction."""
         transition = self.transition
@@ -349,6 +359,7 @@ class SafetyFilter:
             np.clip(wished, bounds.soon_lower, bounds.soon_upper, out=command)
         else:
             self.transition.give_way()
+            self.let_rest()
         self.pass_on(command)
         return command
 
@@ -399,7 +410,7 @@ class SafetyFilter:
             command,
         )
         if self._late and not self._plain:
-            # Zero is always among them: braking does not bring a joint back into its range.
+            # With zero among them, see `let_rest`.
             lower = np.minimum(self._bounds.soon_lower, 0.0)
             upper = np.maximum(self._bounds.soon_upper, 0.0)
             np.clip(command, lower, upper, out=command)
