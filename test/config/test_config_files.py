@@ -110,6 +110,12 @@ def test_values_are_what_ros_takes_them_for(file_of, text, value):
     assert type(found['key']) is type(value)
 
 
+def test_parameters_of_ros_itself_are_left_out(file_of):
+    own = ['use_sim_time: true', 'start_type_description_service: false']
+    path = file_of(under_node([*own, 'qos_overrides: {/clock: {depth: 1}}', 'rate: 50.0']))
+    assert read_parameter_file(path, 'arm') == {'rate': 50.0}
+
+
 def test_keys_are_texts(file_of):
     path = file_of(under_node(['tasks: {y: {gain: [1.0]}, on: {gain: [2.0]}}']))
     assert read_parameter_file(path, 'arm') == {'tasks.y.gain': [1.0], 'tasks.on.gain': [2.0]}

@@ -13,6 +13,8 @@ from tp_controller.errors import InvalidValue, shown
 from tp_controller.parameters import Flat, flatten
 
 WILDCARDS = ('*', '**')
+ROS_OWN = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
+"""Parameters that ROS 2 itself puts on every node."""
 BOOLEAN, TEXT = 'tag:yaml.org,2002:bool', 'tag:yaml.org,2002:str'
 
 LONGEST = 64 * 1024
@@ -163,7 +165,7 @@ def read_parameter_file(path: str | Path, node: str) -> Flat:
     Returns
     -------
     dict
-        Values by dotted key.
+        Values by dotted key, without those of ROS 2 itself, such as ``use_sim_time``.
 
     Raises
     ------
@@ -185,13 +187,13 @@ def parse_parameters(text: str, place: str, node: str) -> Flat:
 
 
 def _merged(blocks: Mapping[str, Mapping[str, Any]], node: str) -> Flat:
-    """Values by dotted key of the blocks that are for a node."""
+    """Values by dotted key of the blocks that are for a node, without those of ROS 2 itself."""
     merged: Flat = {}
     for name, block in blocks.items():
         *namespace, last = name.strip('/').split('/')
         if last in (node, *WILDCARDS) and set(namespace) <= set(WILDCARDS):
             merged.update(flatten(block))
-    return merged
+    return {key: value for key, value in merged.items() if not key.startswith(ROS_OWN)}
 
 
 def read_blocks(path: str | Path) -> dict[str, Mapping[str, Any]]:
