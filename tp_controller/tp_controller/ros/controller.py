@@ -93,6 +93,8 @@ class ControllerNode(ManagedNode):
             ControllerState, '~/state', STATE_QUEUE_DEPTH
         )
         self._diagnostics = Diagnostics(self)
+        self._added: set[str] = set()
+        """Names of tasks that came while running."""
         self.begin()
 
     def check(self, given: Mapping[str, Any]) -> None:
@@ -108,6 +110,7 @@ class ControllerNode(ManagedNode):
     def start(self, given: Mapping[str, Any], description: str | None) -> None:
         """Build the stack of tasks and listen to joint states and goals."""
         self._settings = build_settings({START: HOLD, **given}, description, find_rate=True)
+        self._added.clear()
         values = self._settings.values
         self._stack = self._settings.stack
         robot = self._stack.robot
@@ -125,7 +128,7 @@ class ControllerNode(ManagedNode):
         if self._settings.values[START] == HOLD:
             self._warn_of_feedforwards('from the start, though start is hold')
         watch = StateWatch(limit, period, time.monotonic() - time.time())
-        intake = self._intake = Intake(self, watch)
+        intake = self._intake = Intake(self, watch, robot.coordinates)
         reference = None
         if values['command.type'] in POSITION_TYPES:
             reference = PositionReference(self._stack, values['command.tolerance'])
@@ -147,7 +150,9 @@ class ControllerNode(ManagedNode):
             self._found_rate if self._needs_rate(reference is not None) else None,
             reference,
         )
-        self._neighbours = Neighbours(self, commands.topic, intake.topic, self._warnings)
+        self._neighbours = Neighbours(
+            self, commands.topic, intake.topic, self._warnings, intake.others
+        )
         self._receivers: Receivers | None = None
         if not is_stamped(values['command.type']):
             interface = 'position' if self._positions else 'velocity'
@@ -255,6 +260,11 @@ class ControllerNode(ManagedNode):
             self._cycle.show_held()
             self._state.refresh(self._commands.velocity)
             self._publish_state()
+
+    def added(self, key: str) -> bool:
+        """Whether a parameter is one of a task that was added."""
+        block, _, name = key.partition('.')
+        return block == 'tasks' and name.partition('.')[0] in self._added
 
     def close(self) -> None:
         """Let parameters be, and the action."""
@@ -364,6 +374,7 @@ class ControllerNode(ManagedNode):
     def _on_task_added(self, task: Task) -> Iterator[None]:
         self._follow_tasks()
         yield
+        self._added.add(task.name)
         yield from self._live_parameters.declare(task)
         yield from self._listen(task)
         yield from self._inputs.listen_to_trajectories(task)
@@ -373,6 +384,7 @@ class ControllerNode(ManagedNode):
         self._follow_tasks()
         yield
         self._live_parameters.forget(keys)
+        self._added.discard(task.name)
 
     def _follow_tasks(self) -> None:
         self._state.follow_tasks()

@@ -30,6 +30,8 @@ TRIES = 3
 """Steps for one command, with newer states each, until it is not late."""
 ZEROS = 10
 """Zero commands that follow braking at once; further ones follow with every sign of life."""
+CUT = 'braking cut'
+"""How a line begins that tells of braking which took too long."""
 LONGEST_BRAKING = 1.0
 """Time [s] that a controller which ends gives to braking."""
 LONGEST_END = 10.0
@@ -171,6 +173,7 @@ class Cycle:
         try:
             arrivals = self._intake.take()
             if not arrivals:
+                self._note_others()
                 return False
             arrival = self._choose(arrivals)
             return arrival is not None and self._answer(arrival)
@@ -178,6 +181,17 @@ class Cycle:
             raise ControlFailed(f'{type(error).__name__}: {error}') from error
         finally:
             self._count()
+
+    def _note_others(self) -> None:
+        """Tell of joint states of other devices while none of the robot comes."""
+        msg, self._intake.others.newest = self._intake.others.newest, None
+        if msg is None or self.running:
+            return
+        try:
+            self._reader.read(msg, self._q)
+        except InvalidValue as error:
+            self._state.ignored_states += 1
+            self._warnings.warn('joint states', f'joint state ignored: {error}')
 
     @property
     def ready_at(self) -> float:
@@ -538,7 +552,7 @@ class Cycle:
         braked = time.monotonic() - begin
         told = self.rest()
         self._state.status = ControllerState.INACTIVE
-        if not moves or braked < self.braking_period:
+        if not moves or braked < self.braking_period or told.startswith(CUT):
             return told
         return f'braked to rest in {braked:.2g} s'
 
@@ -562,7 +576,7 @@ class Cycle:
                 self._stack.rest()
                 self._commands.send(0.0)
                 self._commands.wait_until_arrived()
-                return f'braking cut after {LONGEST_BRAKING:g} s, {self._commands.rest} sent'
+                return f'{CUT} after {LONGEST_BRAKING:g} s, {self._commands.rest} sent'
             self.brake()
             now = time.monotonic()
             steps += self.zeros == 0

@@ -24,6 +24,7 @@ from tp_controller.ros.commands import CommandPublisher
 from tp_controller.ros.cycle import Cycle
 from tp_controller.ros.intake import Intake
 from tp_controller.ros.joint_states import JointStateValues
+from tp_controller.ros.other_devices import OtherDevices
 from tp_controller.ros.replayed_inputs import ReplayedInputs
 from tp_controller.ros.state import StateMessage
 from tp_controller.ros.state_watch import Arrival, Lag, StateWatch
@@ -74,6 +75,7 @@ class _Intake:
 
     def __init__(self) -> None:
         self.waiting: list[Arrival] = []
+        self.others = OtherDevices(())
 
     def take(self) -> list[Arrival]:
         found, self.waiting = self.waiting, []
