@@ -35,6 +35,7 @@ from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Transform
 from lifecycle_msgs.srv import ChangeState
 from numpy.typing import NDArray
+from rclpy.qos import QoSProfile
 from rich.console import Console
 from rich.table import Table
 from sensor_msgs.msg import JointState
@@ -187,13 +188,18 @@ class Record:
         return float((np.abs(np.diff(self.values, axis=0)) / times[:, None] / limit).max())
 
 
-def largest_change(sent: Record, true: Record, allowed: NDArray[np.float64]) -> float:
+def largest_change(
+    sent: Record, steps: NDArray[np.float64], true: Record, allowed: NDArray[np.float64]
+) -> float:
     """Largest change of the command, as a share of what is allowed from one to the next (n,).
 
     Parameters
     ----------
     sent, true
         Velocities that were commanded, and those of the joints.
+    steps
+        How many commands there were from each to the next: a busy machine loses some on the way
+        here.
     allowed
         Limits of acceleration times one period (n,) [rad/s, m/s].
     """
@@ -210,7 +216,7 @@ def largest_change(sent: Record, true: Record, allowed: NDArray[np.float64]) -> 
     # After such a pause the controller need not brake an arm that is being stopped.
     zero = paused & ~new.any(axis=1)
     low, high = (np.where(zero[:, None], new, bound) for bound in (low, high))
-    return float((np.maximum(low - new, new - high) / allowed).max())
+    return float((np.maximum(low - new, new - high) / (steps[:, None] * allowed)).max())
 
 
 def run(
@@ -234,7 +240,14 @@ def run(
     topic = 'joint_velocity_command' if kind == 'joint_state' else 'joint_position_command'
     with ClosedLoop(edited(document, changes), lockstep=False) as loop:
         true = loop.client.collect(JointState, 'tp_sim/true_joint_states')
-        sent = loop.client.collect(JointState, topic)
+        sent: list[JointState] = []
+        numbers: list[int] = []
+
+        def note(command: JointState, info: dict[str, int]) -> None:
+            sent.append(command)
+            numbers.append(info['publication_sequence_number'])
+
+        loop.client.node.create_subscription(JointState, topic, note, QoSProfile(depth=5000))
         operator = Operator(loop, kinds, seed)
         begin = loop.client.node.get_clock().now()
         while (loop.client.node.get_clock().now() - begin).nanoseconds < 1e9 * seconds:
@@ -248,14 +261,17 @@ def run(
     if kind == 'joint_state':
         speeds = Record(true, joints, 'velocity')
         allowed = limits.acceleration * period
-        change = largest_change(Record(sent, joints, 'velocity'), speeds, allowed)
+        commands = Record(sent, joints, 'velocity')
+        change = largest_change(commands, np.diff(numbers), speeds, allowed)
         rows.append(('change of the command, share of the limit', change, change <= ROUNDING))
     else:
         change = Record(sent, joints, 'position').speed(limits.velocity, period)
         rows.append(('speed of the reference, share of the limit', change, change <= ROUNDING))
     for name, distance in least_distances(stack, Record(true, joints, 'position')).items():
         rows.append((f'least distance of {name} [mm or mrad]', 1e3 * distance, distance > 0.0))
-    table = Table(title=f'{len(sent)} commands, {overruns} late, {skipped} states skipped')
+    table = Table(
+        title=f'{numbers[-1] - numbers[0] + 1} commands, {overruns} late, {skipped} states skipped'
+    )
     for column in ('', 'largest or least', 'kept'):
         table.add_column(column, justify='left' if column == '' else 'right')
     for name, value, kept in rows:
