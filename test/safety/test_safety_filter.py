@@ -167,6 +167,26 @@ def test_a_late_arm_leaves_an_obstacle_that_jumps_onto_it_too(response, moves):
     assert stopped <= 25 + 5
 
 
+@pytest.mark.parametrize('distance', [-1e-3, 0.0, 2e-3])
+def test_a_late_arm_that_is_a_little_too_near_goes_to_its_margin_without_a_stop(distance):
+    late = {'noise': [1e-3], 'hold': 0.03, 'lag': [0.04]}
+    stack = guarded(
+        planar_block(1.0, 1.0) | late,
+        {'velocity': [1.0], 'acceleration': [4.0]},
+        {'o': obstacle('link_2', [9.0, 9.0, 0.0], 0.3)},
+    )
+    arm = Plant(Integrator([0.0, 0.5], Limits(2, velocity=[1.0])), PlantSettings(lag=0.04), 1.0)
+    task = stack.tasks['o']
+    for i in range(600):
+        if i == 1:
+            tip = stack.robot.frame('link_2').position
+            stack.tasks['end'].target = tip
+            task.target = np.add(tip, [0.3 + distance, 0.0, 0.0])
+        arm.step(stack.step(arm.measured()[0], 0.01).command, 0.01)
+        assert not stack.safety_filter.stopped_by
+    assert task.distance[0] == pytest.approx(task.margin, rel=0.01)
+
+
 def test_who_stopped_the_arm_is_forgotten_when_nobody_is_looked_at_any_more():
     stack = guarded(
         planar_block(1.0, 1.0),

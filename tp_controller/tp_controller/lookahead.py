@@ -95,6 +95,10 @@ class Lookahead:
         # Noise counts twice where the arm may do something else than the model.
         noise = response.noise * (2.0 if response.hold else 1.0)
         self._reserve = self._clear + self._reach @ noise
+        # A row that was too near is one until it is half way from there to its margin.
+        half = 0.5 * (self._reserve + np.concatenate([*margins, np.zeros(0)]))
+        self._apart = np.maximum(self._reserve, half)
+        self._near, self._past_near = np.zeros((2, rows), dtype=np.bool_)
         self._late = not response.ideal
         self._rest, self._way, self._speed = np.zeros((3, robot.n))
         self._q = robot.neutral
@@ -151,10 +155,12 @@ class Lookahead:
     def keep(self) -> None:
         """Let `undo` lead to the present state."""
         self._past_lowest[:], self._past_together = self._lowest, self.together
+        self._past_near[:] = self._near
 
     def undo(self) -> None:
         """Go back by a step."""
         self._lowest[:], self.together = self._past_lowest, self._past_together
+        self._near[:] = self._past_near
 
     def begin(self) -> None:
         """Take over the distances of the tasks' last update, at the reference configuration."""
@@ -166,7 +172,12 @@ class Lookahead:
         if self._late:
             # What was found before does not count: noise would take it down, step by step.
             np.minimum(self._distance, self._reserve, out=self._required)
-            np.multiply(LEEWAY, self._distance < self._clear, out=self._leeway)
+            self._near &= self._distance < self._apart
+            self._near |= self._distance < self._reserve
+            # Of one that has no contact, what leads to one is left.
+            np.clip(self._distance, 0.0, LEEWAY, out=self._leeway)
+            self._leeway[self._distance < self._clear] = LEEWAY
+            self._leeway[~self._near] = 0.0
         else:
             self._require.run()
 
@@ -354,8 +365,8 @@ class Lookahead:
             first[~doubtful] = last[~doubtful] = np.inf
             # Where the arm is already too near it must not get nearer. There the tube does not
             # count: whatever is sent, it cannot be kept out of what is too near.
-            inside = np.where(first < self._reserve, 0.0, self._reach @ tube)
-            required = np.minimum(required, first) + inside
+            floor = np.where(required < self._reserve, np.minimum(required, first), first)
+            required = np.where(self._near, floor, required + self._reach @ tube)
             for distance in (first, last):
                 if np.any(distance < required):
                     self.short = _below(near, distance, required)
