@@ -28,8 +28,9 @@ from tp_controller.config import (
 from tp_controller.config.schema import POSITION_TYPES
 from tp_controller.errors import InvalidValue
 from tp_controller.position_reference import PositionReference
+from tp_controller.ros.braking_to_rest import ZEROS
 from tp_controller.ros.commands import CommandPublisher, is_stamped
-from tp_controller.ros.cycle import ZEROS, ControlFailed, Cycle
+from tp_controller.ros.cycle import ControlFailed, Cycle
 from tp_controller.ros.diagnostics import PERIOD as DIAGNOSTICS_PERIOD
 from tp_controller.ros.diagnostics import Diagnostics
 from tp_controller.ros.hold import HELD, INACTIVE, Hold, refuse_at_rest
@@ -279,7 +280,7 @@ class ControllerNode(ManagedNode):
         if not (self.started and self.active):
             return ''
         try:
-            return self._cycle.rest()
+            return self._cycle.braking.finish()
         except Exception as error:
             self._commands.send(0.0)
             self._commands.wait_until_arrived()
@@ -403,11 +404,11 @@ class ControllerNode(ManagedNode):
         answered, self._answered = self._answered, False
         if now >= self._brake_at:
             # What was missed is not caught up: every command of braking is a step of it.
-            period = self._cycle.braking_period
+            period = self._cycle.braking.period
             self._brake_at = max(self._brake_at + period, now + EARLIEST * period)
             self._brake()
         elif now >= self._look_at:
-            self._look_at = now + self._cycle.look_period
+            self._look_at = now + self._cycle.braking.look_period
             self._look()
         elif self._later is not None:
             if next(self._later, self) is self:
@@ -464,7 +465,7 @@ class ControllerNode(ManagedNode):
 
     def _idle(self) -> None:
         """Take goals over and show that the node lives, while it is inactive."""
-        self._cycle.ignore()
+        self._intake.take()
         self._due |= self._inputs.handle(HEARTBEAT)
         now = time.monotonic()
         if self._due or now - self._heartbeat_at >= HEARTBEAT:
@@ -489,7 +490,7 @@ class ControllerNode(ManagedNode):
         """Publish the state of a cycle; of some only, if these are too many already."""
         if not self._state_publisher.get_subscription_count():
             return
-        if self._cycle.behind and time.monotonic() - self._published < LONGEST_SILENCE:
+        if self._cycle.choice.behind and time.monotonic() - self._published < LONGEST_SILENCE:
             self._due = True
             return
         self._state.refresh(self._commands.velocity)
@@ -517,7 +518,7 @@ class ControllerNode(ManagedNode):
         if self._control():
             self._publish_cycle(False)
         self._diagnostics.health.see()
-        share = self._cycle.look_period / NEIGHBOUR_PERIOD
+        share = self._cycle.braking.look_period / NEIGHBOUR_PERIOD
         self._neighbours.listen(self._inputs_polled, share)
         for task in self._stack.tasks.values():
             for notice in task.take_notices():
@@ -525,16 +526,16 @@ class ControllerNode(ManagedNode):
         now = time.monotonic()
         if self._cycle.look():
             self._brake()
-            self._brake_at = now + self._cycle.braking_period
+            self._brake_at = now + self._cycle.braking.period
             self._heartbeat_at = -math.inf
         if self._reach is not None and self._reach.active and not self._cycle.running:
             self._reach.look_without_states()
         if self._cycle.running or now - self._heartbeat_at < 0.999 * HEARTBEAT:
             return
         self._heartbeat_at = now
-        if self._cycle.zeros >= ZEROS and not self._positions:
+        if self._cycle.braking.zeros >= ZEROS and not self._positions:
             # An old position could make an arm jump that comes back somewhere else.
-            self._cycle.brake()
+            self._cycle.braking.send_next()
         self._publish_state()
 
     @property
@@ -543,10 +544,10 @@ class ControllerNode(ManagedNode):
         return [self._intake.subscription, *self._inputs.subscriptions]
 
     def _brake(self) -> None:
-        self._cycle.brake()
+        self._cycle.braking.send_next()
         self._hold.look()
         self._state.refresh(self._commands.velocity)
-        if self._cycle.zeros >= ZEROS:
+        if self._cycle.braking.zeros >= ZEROS:
             self._brake_at = math.inf
 
     def _publish_markers(self) -> None:
