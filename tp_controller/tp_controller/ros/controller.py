@@ -216,7 +216,6 @@ class ControllerNode(ManagedNode):
             self,
             self._stack,
             self._inputs,
-            self._inputs.answered,
             velocity,
             self.log,
             self._refuse_at_rest,
