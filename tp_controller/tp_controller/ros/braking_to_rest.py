@@ -13,6 +13,8 @@ from tp_interfaces.msg import ControllerState
 
 ZEROS = 10
 """Zero commands that follow braking at once; further ones follow with every sign of life."""
+CUT = 'braking cut'
+"""How a line begins that tells of braking which took too long."""
 LONGEST_BRAKING = 1.0
 """Time [s] that a controller which ends gives to braking."""
 UNKNOWN_PERIOD = 0.01
@@ -171,7 +173,7 @@ class BrakingToRest:
                 self._stack.rest()
                 self._commands.send(0.0)
                 self._commands.wait_until_arrived()
-                return f'braking cut after {LONGEST_BRAKING:g} s, {self._commands.rest} sent'
+                return f'{CUT} after {LONGEST_BRAKING:g} s, {self._commands.rest} sent'
             self.send_next()
             now = time.monotonic()
             steps += self.zeros == 0

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from tp_controller.errors import UnusableState
 from tp_controller.position_reference import PositionReference
 from tp_controller.ros.answered_time import AnsweredTime
-from tp_controller.ros.braking_to_rest import BrakingToRest
+from tp_controller.ros.braking_to_rest import CUT, BrakingToRest
 from tp_controller.ros.commands import CommandPublisher
 from tp_controller.ros.cycle_warnings import CycleWarnings
 from tp_controller.ros.intake import Intake
@@ -152,12 +152,12 @@ class Cycle:
 
     def _answer(self, arrival: Arrival) -> bool:
         """Send the command that answers a state, or a newer one if that took too long."""
-        lateness, state = self._cycle_warnings.lateness, self._state
+        told, state = self._cycle_warnings, self._state
         if self._commands.waiting:
             self._commands.moving = self._reference is None and self.choice.moves
         if self._commands.withheld:
             return False
-        lateness.begin()
+        told.begin()
         self._before(self.duration)
         start = time.perf_counter()
         scale = state.scale
@@ -176,7 +176,7 @@ class Cycle:
                 command, scale = step.command, step.scale
             except UnusableState as error:
                 refusal, command = error, error.command
-            if again or self._age(arrival) <= lateness.limit or not tries_left:
+            if again or self._age(arrival) <= told.limit or not tries_left:
                 break
             newer = self.choice.take(self.running)
             if newer is None:
@@ -200,14 +200,13 @@ class Cycle:
         self._note_answer(arrival, again, step_time)
         self.refused = refusal is not None
         if refusal is not None:
-            self._cycle_warnings.restart()
+            told.restart()
             state.ignored_states += 1
             if not self._stack.arm.notice:
                 self._warnings.warn('commands', f'no command: {refusal}')
         else:
-            self._cycle_warnings.see(
-                arrival, elapsed, again, self.running, self.choice.q, self._commands.velocity
-            )
+            velocity = self._commands.velocity
+            told.see(arrival, elapsed, again, self.running, self.choice.q, velocity)
             # A simulation that waits has carried every command out.
             self._stack.arm.late = state.command_age if self._watch.paced else 0.0
             self.braking.seen()
@@ -278,7 +277,7 @@ class Cycle:
     def _oldest(self) -> float:
         """Age [s] of a state whose command may still be sent."""
         if self._watch.real_time:
-            return min(self._cycle_warnings.lateness.limit, self._limit)
+            return min(self._cycle_warnings.limit, self._limit)
         return self._limit
 
     def _too_late(self, arrival: Arrival, passed: float, step_time: float | None) -> None:
@@ -355,6 +354,6 @@ class Cycle:
         braked = time.monotonic() - begin
         told = self.braking.finish()
         self._state.status = ControllerState.INACTIVE
-        if not moves or braked < self.braking.period:
+        if not moves or braked < self.braking.period or told.startswith(CUT):
             return told
         return f'braked to rest in {braked:.2g} s'

@@ -232,6 +232,7 @@ class ReachServer:
                 task.update()
         verdict = goal.wait(now)
         if verdict is not None:
+            goal.conclude(verdict)
             self._finish(goal, OUTCOMES[verdict], verdict.value)
         elif due:
             self._publish(goal, '')

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from tp_controller.errors import InvalidValue
 from tp_controller.robot import Robot
 from tp_controller.ros.commands import CommandPublisher
-from tp_controller.ros.copies import Copies
 from tp_controller.ros.intake import Intake
 from tp_controller.ros.joint_states import JointStateReader
 from tp_controller.ros.state_watch import Arrival, StateWatch
@@ -19,10 +18,16 @@ from tp_interfaces.msg import ControllerState
 
 AT_REST = 1e-3
 """Velocity [rad/s, m/s] of a joint that counts as at rest."""
+SHARE = 0.9
+"""Share of the largest age for which copies may move the arm: then braking has to begin."""
 
 
 class StateChoice:
     """Chooses the newest joint state that can be used, and reads it.
+
+    Copies of the state that was answered last, stamp and all, may not move the arm for long. They
+    count if one comes soon after the other: a simulation that waits for its answer may show a
+    state again after a while. They count where the stamp is of a clock.
 
     Parameters
     ----------
@@ -64,7 +69,12 @@ class StateChoice:
     ) -> None:
         self._intake, self._watch, self._commands = intake, watch, commands
         self._state, self._warnings, self._limit = state, warnings, limit
-        self._stands, self._copies = stands, Copies(watch, limit)
+        self._stands = stands
+        self._soon = 0.5 * limit
+        self._last: Arrival | None = None
+        self._first: Arrival | None = None
+        self._stood = False
+        """Whether copies have come for too long: only a new state is answered then."""
         self._reader = JointStateReader(robot.coordinates)
         self._space = robot.space
         self.q, self._rates = np.zeros((2, robot.nq))
@@ -74,17 +84,19 @@ class StateChoice:
 
     def know_period(self, period: float) -> None:
         """Take over the time [s] between joint states."""
-        self._copies.know_period(period)
+        # Longer than between the states of a driver, shorter than a simulation waits.
+        self._soon = min(max(0.5 * self._limit, 1.3 * period), 0.95 * self._limit)
 
     def answered(self, arrival: Arrival, again: bool) -> None:
         """Take note that a state, or a copy of the one before, was answered by a command."""
-        self._copies.answered(arrival, again)
+        self._last = arrival
         if not again:
+            self._first, self._stood = None, False
             self._watch.answered(arrival)
 
     def braked(self) -> None:
-        """Take note that braking came in place of an answer."""
-        self._copies.braked()
+        """Take note that braking came in place of an answer, for which somebody may wait."""
+        self._last = None
 
     @property
     def moves(self) -> bool:
@@ -109,7 +121,7 @@ class StateChoice:
             problem = ''
             if arrival.age > self._limit:
                 problem = f'{arrival.age:.3g} s old when it came'
-            elif self._stood(arrival, running):
+            elif self._too_long(arrival, running):
                 problem = (
                     'the same one, stamp and all, comes again and again while the arm is moved '
                     'by it'
@@ -130,14 +142,25 @@ class StateChoice:
             return arrival
         return None
 
-    def _stood(self, arrival: Arrival, running: bool) -> bool:
-        """Whether copies of one state have come for too long while the arm is moved by it."""
-        stood = self._copies.stood
-        if not self._copies.too_long(arrival, self._moves_an_arm, running):
+    def _too_long(self, arrival: Arrival, running: bool) -> bool:
+        """Whether a state is a copy, and copies have moved the arm for too long."""
+        watch = self._watch
+        if not (watch.is_resend(arrival) and watch.of_wall_clock(arrival)):
             return False
-        if not stood:
+        if self._stood:
+            return True
+        before, self._last = self._last, arrival
+        if before is None or watch.between(before, arrival) > self._soon:
+            self._first = None
+        elif self._first is None and self._moves_an_arm():
+            self._first = before
+        if self._first is None:
+            return False
+        between = watch.between(self._first, arrival)
+        self._stood = not (running and between <= SHARE * self._limit)
+        if self._stood:
             self._stands()
-        return True
+        return self._stood
 
     def _moves_an_arm(self) -> bool:
         """Whether the last command is a motion, and somebody listens to it."""
