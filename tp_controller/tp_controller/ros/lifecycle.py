@@ -11,7 +11,6 @@ from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.timer import Timer
@@ -183,11 +182,7 @@ class ManagedNode(LifecycleNodeMixin, RobotNode):
 
     def _show_unconfigured(self) -> None:
         """Give signs of life until somebody configures the node."""
-        self._showing = self.create_timer(
-            HEARTBEAT,
-            partial(self.show_waiting, UNCONFIGURED),
-            clock=Clock(clock_type=ClockType.STEADY_TIME),
-        )
+        self._showing = self.make_timer(HEARTBEAT, partial(self.show_waiting, UNCONFIGURED))
 
     def _let_go_others(self, entities: dict[str, set[Any]]) -> None:
         """Destroy entities made since these; undeclare parameters that were not given."""
