@@ -21,8 +21,9 @@ from tp_controller.recording.course import nanoseconds
 from tp_controller.ros.control import Control
 from tp_controller.ros.intake import Intake
 from tp_controller.ros.joint_states import JointStateValues
+from tp_controller.ros.lag import Lag
 from tp_controller.ros.replayed_inputs import ReplayedInputs
-from tp_controller.ros.state_watch import Arrival, Lag, StateWatch
+from tp_controller.ros.state_watch import Arrival, StateWatch
 from tp_controller.ros.warnings import Warnings
 from tp_interfaces.msg import ControllerState
 
