@@ -29,7 +29,8 @@ from tp_controller.robot.draws import random_configuration
 from tp_controller.robot.response import KEYS
 from tp_controller.tasks import PositionTask
 from tp_sim.integrator import Integrator
-from tp_sim.plant import Plant, PlantSettings
+from tp_sim.plant import Plant
+from tp_sim.plant_settings import PlantSettings
 from tp_sim.rigid_body import RigidBodies
 from tp_sim.settings import build_plant, build_simulator_settings, read_simulator_parameters
 from tp_sim.watch import Outcome, Watch

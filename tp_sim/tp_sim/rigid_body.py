@@ -16,7 +16,7 @@ from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.robot import Robot
 from tp_controller.robot.urdf import KEY, numbers
 from tp_sim.integrator import Integrator
-from tp_sim.plant import Values
+from tp_sim.plant_settings import Values
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

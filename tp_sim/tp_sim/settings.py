@@ -21,7 +21,8 @@ from tp_controller.parameters import (
 )
 from tp_controller.robot import Limits, Robot, Space
 from tp_sim.integrator import Integrator, Vector
-from tp_sim.plant import Joints, Plant, PlantSettings, check_plant
+from tp_sim.plant import Joints, Plant
+from tp_sim.plant_settings import PlantSettings
 from tp_sim.rigid_body import RigidBodies, ServoSettings
 
 KINEMATIC, RIGID_BODY = 'kinematic', 'rigid_body'
@@ -237,9 +238,9 @@ def check_plant_values(values: Mapping[str, Any]) -> None:
     Raises
     ------
     InvalidValue
-        As `check_plant`; in lockstep if no joint state would ever come.
+        As `PlantSettings.check`; in lockstep if no joint state would ever come.
     """
-    check_plant(plant_settings(values))
+    plant_settings(values).check()
     if values['lockstep'] and values['plant.state_loss'] == 1.0:
         raise InvalidValue('plant.state_loss', '1', 'a number below 1 in lockstep')
     if values['lockstep'] and values['plant.silent']:
@@ -249,7 +250,7 @@ def check_plant_values(values: Mapping[str, Any]) -> None:
 def plant_settings(values: Mapping[str, Any]) -> PlantSettings:
     """Settings of a plant out of read parameters by dotted key."""
     found = PlantSettings(*(values[f'plant.{key}'] for key in PlantSettings._fields))
-    # Numbers of a parameter file may be whole or not; `check_plant` looks at that.
+    # Numbers of a parameter file may be whole or not; `check` looks at that.
     return found._replace(
         **{
             key: int(value)
