@@ -28,6 +28,8 @@ from tp_sim.rigid_body import RigidBodies, ServoSettings
 KINEMATIC, RIGID_BODY = 'kinematic', 'rigid_body'
 IDEAL = PlantSettings()
 SERVO = ServoSettings()
+PER_JOINT = ('lag', 'noise', 'scale', 'quantum')
+"""Parameters ``plant.…`` with one value or one per joint."""
 
 PLANT: Mapping[str, Parameter] = {
     'plant.type': Parameter(
@@ -37,62 +39,26 @@ PLANT: Mapping[str, Parameter] = {
         default=KINEMATIC,
         choices=(KINEMATIC, RIGID_BODY),
     ),
-    'plant.delay': Parameter(
-        NUMBER,
-        'Whole cycles after which a command acts',
-        default=IDEAL.delay,
-        minimum=0.0,
-        runtime=True,
-    ),
-    'plant.lag': Parameter(
-        NUMBERS,
-        'Time constant [s] of a first-order lag of the velocity, one value or one per joint',
-        default=(IDEAL.lag,),
-        minimum=0.0,
-        runtime=True,
-    ),
-    'plant.noise': Parameter(
-        NUMBERS,
-        'Largest noise [rad, m] of a measured position, uniform, one value or one per joint',
-        default=(IDEAL.noise,),
-        minimum=0.0,
-        runtime=True,
-    ),
-    'plant.scale': Parameter(
-        NUMBERS,
-        'Measured over true position and velocity, one value or one per joint',
-        default=(IDEAL.scale,),
-        above=0.0,
-        runtime=True,
-    ),
-    'plant.quantum': Parameter(
-        NUMBERS,
-        'Step [rad, m] that measured positions are rounded to, one value or one per joint',
-        default=(IDEAL.quantum,),
-        minimum=0.0,
-        runtime=True,
-    ),
-    'plant.command_loss': Parameter(
-        NUMBER,
-        'Probability that a command is lost; the last one stays in force',
-        default=IDEAL.command_loss,
-        minimum=0.0,
-        runtime=True,
-    ),
-    'plant.state_loss': Parameter(
-        NUMBER,
-        'Probability that a joint state is lost; below 1 in lockstep',
-        default=IDEAL.state_loss,
-        minimum=0.0,
-        runtime=True,
-    ),
-    'plant.seed': Parameter(
-        NUMBER,
-        'Of the noise and the losses; a new one begins them anew',
-        default=IDEAL.seed,
-        minimum=0.0,
-        runtime=True,
-    ),
+    **{
+        f'plant.{key}': Parameter(
+            NUMBERS if key in PER_JOINT else NUMBER,
+            description + (', one value or one per joint' if key in PER_JOINT else ''),
+            default=(getattr(IDEAL, key),) if key in PER_JOINT else getattr(IDEAL, key),
+            minimum=None if key == 'scale' else 0.0,
+            above=0.0 if key == 'scale' else None,
+            runtime=True,
+        )
+        for key, description in (
+            ('delay', 'Whole cycles after which a command acts'),
+            ('lag', 'Time constant [s] of a first-order lag of the velocity'),
+            ('noise', 'Largest noise [rad, m] of a measured position, uniform'),
+            ('scale', 'Measured over true position and velocity'),
+            ('quantum', 'Step [rad, m] that measured positions are rounded to'),
+            ('command_loss', 'Probability that a command is lost; the last one stays in force'),
+            ('state_loss', 'Probability that a joint state is lost; below 1 in lockstep'),
+            ('seed', 'Of the noise and the losses; a new one begins them anew'),
+        )
+    },
     'plant.blocked': Parameter(
         BOOLEAN, 'The joints stand still; joint states go on', default=False, runtime=True
     ),
@@ -266,11 +232,7 @@ def _servo_settings(values: Mapping[str, Any]) -> ServoSettings:
 
 
 def build_plant(
-    values: Flat,
-    robot: Robot,
-    description: str,
-    q: Sequence[float] | Vector,
-    stops: bool = True,
+    values: Flat, robot: Robot, description: str, q: Sequence[float] | Vector, stops: bool = True
 ) -> Plant:
     """Build a simulated arm of read parameters.
 

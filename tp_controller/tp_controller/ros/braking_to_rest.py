@@ -26,20 +26,7 @@ AFTER_BRAKING = 0.8
 
 
 class BrakingToRest:
-    """Brakes the arm where no joint state moves it.
-
-    Parameters
-    ----------
-    stack
-        Computes the commands.
-    commands
-        Where they go.
-    state
-        Its counter tells whether joint states came that could not be used.
-    limit
-        Age [s] at which a joint state may not move anything.
-    reference
-        Of an arm that takes positions.
+    """Brakes the arm where no joint state moves it. The parameters are those of `Cycle`.
 
     Attributes
     ----------

@@ -29,16 +29,10 @@ class Control:
         Publishes commands and listens to goals.
     settings
         What the controller runs on.
-    intake, watch
-        Where joint states come from, and who judges them.
-    limit
-        Age [s] at which a joint state may not move anything.
-    warnings, log
-        Where is told what happens.
+    intake, watch, limit, warnings, log, found_rate
+        As for `Cycle`; whether a rate has to be found is seen here.
     refuse_at_rest
-        Raises InvalidValue for the key that it is called with while the arm is kept at rest.
-    found_rate
-        Called with a rate [Hz] that was found from the joint states.
+        As for `TaskInputs`.
 
     Attributes
     ----------

@@ -13,14 +13,7 @@ from rclpy.executors import Executor, TimeoutException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.timer import Timer
 
-from tp_controller.config import (
-    HOLD,
-    PRESENT,
-    RESUME,
-    START,
-    build_settings,
-    read_parameters,
-)
+from tp_controller.config import HOLD, PRESENT, RESUME, START, build_settings, read_parameters
 from tp_controller.ros.braking_to_rest import ZEROS
 from tp_controller.ros.control import Control
 from tp_controller.ros.cycle import ControlFailed
@@ -93,7 +86,7 @@ class ControllerNode(ManagedNode):
         rate, limit = values['rate'], values['timeouts.joint_state']
         period = 1.0 / rate if rate else math.inf
 
-        self._warnings = Warnings(self._log_warning, self.log.info)
+        self._warnings = Warnings(self.log.warning, self.log.info)
         watch = StateWatch(limit, period, time.monotonic() - time.time())
         self._intake = intake = Intake(self, watch)
         control = Control(
@@ -173,13 +166,7 @@ class ControllerNode(ManagedNode):
         self._surroundings.around = self._around
         self._inputs.answered.follow(self._around)
         self._reach = ReachServer(
-            self,
-            self._stack,
-            self._inputs,
-            velocity,
-            self.log,
-            self._refuse_at_rest,
-            self._around,
+            self, self._stack, self._inputs, velocity, self.log, self._refuse_at_rest, self._around
         )
         self._inputs.aimed = self._reach.watch
 
@@ -189,7 +176,8 @@ class ControllerNode(ManagedNode):
             self._stack.forget_targets(self._targets)
         self._cycle.begin()
         self._inputs.active = True
-        self.log.info(f'waiting for joint states; tasks by level: {self._levels()}')
+        levels = ', '.join(self._stack.hierarchy) or 'none, the arm rests'
+        self.log.info(f'waiting for joint states; tasks by level: {levels}')
         self._publication.due = True
 
     def deactivate(self) -> str:
@@ -257,16 +245,10 @@ class ControllerNode(ManagedNode):
         )
         return True
 
-    def _levels(self) -> str:
-        return ', '.join(self._stack.hierarchy) or 'none, the arm rests'
-
-    def _log_warning(self, line: str) -> None:
-        self.log.warning(line)
-
     def _warn_of_feedforwards(self, when: str) -> None:
         for name, task in self._stack.tasks.items():
             if self._stack.level_of(name) >= 0 and task.feedforward.any():
-                self._log_warning(f'tasks.{name}.feedforward moves the arm {when}')
+                self.log.warning(f'tasks.{name}.feedforward moves the arm {when}')
 
     def _found_rate(self, rate: float) -> None:
         """Tell that ranges are kept from now on."""
@@ -280,7 +262,7 @@ class ControllerNode(ManagedNode):
 
     def _warn_of(self, task: Task) -> None:
         for warning in task.warnings:
-            self._log_warning(warning)
+            self.log.warning(warning)
 
     # Tasks
 

@@ -26,18 +26,7 @@ OSCILLATION_PERIOD = 0.5
 
 
 class CycleWarnings:
-    """Looks at every command that was sent, and warns.
-
-    Parameters
-    ----------
-    stack
-        Has computed the commands.
-    watch
-        Judges joint states.
-    state
-        Counters and times are kept there.
-    warnings
-        Where is told what was found.
+    """Looks at every command that was sent, and warns. The parameters are those of `Cycle`.
 
     Attributes
     ----------
@@ -46,11 +35,7 @@ class CycleWarnings:
     """
 
     def __init__(
-        self,
-        stack: Stack,
-        watch: StateWatch,
-        state: ControllerState,
-        warnings: Warnings,
+        self, stack: Stack, watch: StateWatch, state: ControllerState, warnings: Warnings
     ) -> None:
         self._watch, self._state, self._warnings = watch, state, warnings
         self._oscillation = OscillationWatch(stack)

@@ -34,14 +34,7 @@ class ManagedNode(LifecycleNodeMixin, RobotNode):
 
     To configure it is what `start` does; it takes the parameters that the node has by then. With
     the parameter ``autostart``, which is true unless it is given, the node configures and
-    activates itself as soon as its robot is known.
-
-    Parameters
-    ----------
-    name
-        Default name of the node.
-    options
-        Passed on to the node.
+    activates itself as soon as its robot is known. Its parameters are those of `RobotNode`.
 
     Attributes
     ----------

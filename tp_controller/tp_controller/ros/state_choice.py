@@ -29,20 +29,8 @@ class StateChoice:
     count if one comes soon after the other: a simulation that waits for its answer may show a
     state again after a while. They count where the stamp is of a clock.
 
-    Parameters
-    ----------
-    robot
-        Whose joints are read.
-    intake, watch
-        Where joint states come from, and who judges them.
-    commands
-        Where answers go.
-    state, warnings
-        States that are not used are counted and told there.
-    limit
-        Age [s] at which a joint state may not move anything.
-    stands
-        Called when one state has come again and again for too long while the arm is moved by it.
+    The parameters are those of `Cycle`, and ``stands``, which is called when one state has come
+    again and again for too long while the arm is moved by it.
 
     Attributes
     ----------
