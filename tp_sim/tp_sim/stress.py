@@ -13,13 +13,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from tp_controller.command_line import OneLineParser
-from tp_controller.errors import TaskPriorityError
 from tp_controller.solvers import SOLVER_TYPES
 from tp_sim.long_runs import run_all
 from tp_sim.settings import KINEMATIC, PLANT, RIGID_BODY
 from tp_sim.watch import REACHED, Outcome
 
-BROKEN, REFUSED, INTERRUPTED = 1, 2, 130
+BROKEN = 1
 OPTIONS = ('delay', 'lag', 'noise', 'scale', 'quantum', 'command_loss', 'state_loss')
 """Parameters ``plant.…`` that can be given."""
 PLANTS: Mapping[str, Mapping[str, float]] = {
@@ -63,29 +62,20 @@ def main() -> int:
         Exit status: 0, 1 if a limit was broken, 2 if the file or an argument cannot be used, 130
         after Ctrl-C.
     """
-    arguments = _parser().parse_args()
+    return _parser().run(_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
     plant = {f'plant.{key}': getattr(arguments, key) for key in OPTIONS}
     plant |= {'plant.type': arguments.plant, 'plant.seed': arguments.seed}
     plant = {key: value for key, value in plant.items() if value is not None}
     plants = PLANTS if arguments.plants else {'': {}}
-    try:
-        found = run_all(
-            arguments.config,
-            arguments.schemes,
-            arguments.steps,
-            arguments.seed,
-            {
-                name: plant | {f'plant.{key}': value for key, value in given.items()}
-                for name, given in plants.items()
-            },
-            arguments.declared,
-        )
-    except TaskPriorityError as error:
-        print(f'stress: {error}', file=sys.stderr)
-        return REFUSED
-    except KeyboardInterrupt:
-        print('stress: interrupted', file=sys.stderr)
-        return INTERRUPTED
+    arms = {
+        name: plant | {f'plant.{key}': value for key, value in given.items()}
+        for name, given in plants.items()
+    }
+    config, schemes, declared = arguments.config, arguments.schemes, arguments.declared
+    found = run_all(config, schemes, arguments.steps, arguments.seed, arms, declared)
     name = arguments.config.name
     if arguments.plants:
         told = 'the controller knows' if arguments.declared else 'the controller does not know'
@@ -107,7 +97,7 @@ def _at_least(least: int) -> Callable[[str], int]:
     return read
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> OneLineParser:
     parser = OneLineParser(prog='stress', description=__doc__)
     parser.add_argument('--config', type=Path, required=True, help='parameter file')
     parser.add_argument('--steps', type=_at_least(1), default=100_000, help='of every scheme')

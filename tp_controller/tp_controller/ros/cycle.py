@@ -319,7 +319,7 @@ class Cycle:
         cause = self.braking.look()
         if not cause or not self.running:
             return False
-        self._cycle_warnings.stopped()
+        self._cycle_warnings.restart_all(stopped=True)
         self._state.status = ControllerState.STALE
         if self._reference is not None:
             self._reference.pause()

@@ -56,17 +56,13 @@ class CycleWarnings:
         """Look for oscillation anew, as the arm was braked."""
         self._oscillation.restart()
 
-    def restart_all(self) -> None:
-        """Count joint states anew, too."""
+    def restart_all(self, stopped: bool = False) -> None:
+        """Count joint states anew, too; if they have stopped, no wrong rate is warned of."""
         self._oscillation.restart()
         if self._rate_check:
             self._rate_check.restart()
-
-    def stopped(self) -> None:
-        """Take note that joint states have stopped: their rate is not known any more."""
-        self.restart_all()
-        if self._rate_check:
-            self._warnings.clear('rate')
+            if stopped:
+                self._warnings.clear('rate')
 
     def begin(self) -> None:
         """Take note that a cycle begins."""

@@ -19,16 +19,7 @@ from tp_interfaces.action import Reach
 def read_request(
     request: Reach.Goal, stack: Stack, inputs: TaskInputs
 ) -> tuple[list[Task], list[NDArray[np.float64]], Progress]:
-    """Read a request; nothing changes.
-
-    Parameters
-    ----------
-    request
-        The request.
-    stack
-        Its tasks.
-    inputs
-        Read goals.
+    """Read a request to tasks of a stack, as its inputs read goals; nothing changes.
 
     Returns
     -------
