@@ -25,8 +25,8 @@ from tp_controller.robot import (
     sphere,
     urdf_robot,
 )
+from tp_controller.robot.package_files import place_of
 from tp_controller.robot.shapes import fitted_capsule
-from tp_controller.robot.urdf import place_of
 
 URDF = """
 <robot name="arm">

@@ -5,7 +5,8 @@ import pinocchio as pin
 import pytest
 
 from tp_controller.errors import InvalidValue
-from tp_controller.trajectory import RotationPath, VectorPath, check_times, pace
+from tp_controller.interpolation import RotationPath, VectorPath, check_times
+from tp_controller.pace import pace
 
 RANDOM = np.random.default_rng(4)
 TIMES = np.cumsum(RANDOM.uniform(0.2, 0.6, 100))

@@ -120,7 +120,7 @@ def test_a_way_is_clear_inside_the_limits_and_ends_at_a_solution(seed):
         assert np.all(q <= limits.position_max)
         assert np.all(np.abs(qd) <= limits.velocity)
         assert least_distance(stack, geometry, q) > 0.0
-    assert np.array_equal(way.points[0], start)
+    assert np.allclose(way.points[0], start, rtol=0.0, atol=1e-12)
     assert np.allclose(way.path.at(0.0)[0], start)
     assert np.allclose(way.path.at(way.duration)[0], way.solution.q)
     assert any(way.solution is one for one in answer.solutions)

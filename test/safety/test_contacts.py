@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tp_controller.config import build_settings
-from tp_controller.solvers.kernel import STILL
+from tp_controller.solvers.directions import STILL
 
 DATA = 'package://example-robot-data/robots'
 UR10 = {'urdf': f'{DATA}/ur_description/urdf/ur10_robot.urdf'}

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tp_controller.arm import Arm
 from tp_controller.errors import NO_VALUE, InvalidValue, UnusableState, shown
+from tp_controller.joint_bounds import JointBounds
 from tp_controller.lookahead import Lookahead
-from tp_controller.prepared import Prepared
 from tp_controller.problem import checked_array
 from tp_controller.robot import Limits, Robot
 from tp_controller.solvers import Bounds
@@ -23,12 +23,8 @@ Matrix = NDArray[np.float64]
 
 LEAST_CHANGE = 1e-9
 """Least change of a velocity [rad/s, m/s] in a step that an acceleration limit may allow."""
-ACCELERATION, STEP = 5, 6
-"""Places among the arguments of `tp_controller.braking.bound` and ``bound_late``."""
 SHARES = (0.5, 0.25, 0.125)
 """How much of a command that cannot be sent is tried, the rest being braking."""
-AT_LIMIT = 1e-9
-"""A velocity is at its limit within this share of it."""
 
 
 class SafetyFilter:
@@ -73,14 +69,10 @@ class SafetyFilter:
     def __init__(self, robot: Robot, period: float = math.inf) -> None:
         self._robot = robot
         self.period = period
-        self._before, self._past, self._way = np.zeros((3, robot.n))
-        self._limits: Limits | None = None
-        self._plain = True
-        self._step, self._acceleration = period, robot.limits.acceleration
-        self._bounds = Bounds.of_speed(robot.limits.velocity)
+        self._before, self._past = np.zeros((2, robot.n))
         self.arm = self._model(robot)
+        self._joints = JointBounds(robot, self.arm, period, self._before)
         self.transition = Transition()
-        self._late = not robot.response.ideal
         self._ahead = Lookahead(robot, self.arm, ())
         self.watch(())
         self.check_limits(robot.limits)
@@ -113,12 +105,12 @@ class SafetyFilter:
     @property
     def memory(self) -> tuple[object, ...]:
         """Objects whose attributes are all that the filter remembers."""
-        return (self, *self.arm.memory, self._ahead, self.transition)
+        return (self, self._joints, *self.arm.memory, self._ahead, self.transition)
 
     @property
     def last_bounds(self) -> Bounds:
         """Bounds by the limits, as of the last call of `bounds`, which writes to their arrays."""
-        return self._bounds
+        return self._joints.bounds
 
     @property
     def kept(self) -> tuple[str, ...]:
@@ -132,8 +124,8 @@ class SafetyFilter:
         """
         self.period = self._step = period
         self.arm = self._model(self._robot)
+        self._joints = JointBounds(self._robot, self.arm, period, self._before)
         self._before[:] = 0.0
-        self._limits = None
 
     def rest(self) -> None:
         """Go on from standstill."""
@@ -158,74 +150,12 @@ class SafetyFilter:
         In a transition they are narrower than the limits. Their arrays are written to again by
         the next call.
         """
-        bounds = self._by_limits()
+        bounds = self._joints.by_limits()
         if not self.transition.under_way:
             return bounds
         step = self.arm.step
-        return self.transition.narrowed(bounds, self._before, self._robot.limits, step, self._fill)
-
-    def _by_limits(self) -> Bounds:
-        limits = self._robot.limits
-        if limits is not self._limits:
-            self._use(limits)
-        if self._plain:
-            return self._bounds
-        step = self.arm.step
-        if step != self._step:
-            # The change by one command stays the same when commands are farther apart.
-            self._step = step
-            slower = self.period / step
-            self._acceleration = (
-                limits.acceleration if slower == 1.0 else _fixed(limits.acceleration * slower)
-            )
-            self._bounds = self._bounds._replace(step=step)
-        self._fill(self._acceleration, self._bounds)
-        return self._bounds
-
-    def _fill(self, acceleration: Vector, bounds: Bounds) -> None:
-        """Fill the bounds for limits of acceleration (n,)."""
-        call = self._bound
-        given = call.arguments
-        if given[-1] is not bounds.soon_upper or given[ACCELERATION] is not acceleration:
-            call.replace(ACCELERATION, acceleration)
-            for i, array in enumerate(bounds[1:5], len(given) - 4):
-                call.replace(i, array)
-        call.put(STEP, self.arm.step)
-        call.run()
-
-    def _prepare(self, limits: Limits) -> None:
-        """Prepare the calls that fill bounds and bring commands to them."""
-        # Compiled, or loaded, with the solver's kernel, not to refuse a parameter file.
-        from tp_controller import braking
-
-        arm, late = self.arm, self._late
-        low, high, soon_low, soon_high = self._bounds[1:5]
-        more = (float(self.period), arm.response.noise, arm.upper, arm.lower)
-        self._braking = braking
-        self._bound = Prepared(
-            braking.bound_late if late else braking.bound,
-            arm.p if late else arm.z,
-            self._before,
-            limits.velocity,
-            limits.position_min,
-            limits.position_max,
-            limits.acceleration,
-            float(self.period),
-            *((*more, arm.held_upper, arm.held_lower) if late else ()),
-            low,
-            high,
-            soon_low,
-            soon_high,
-        )
-        self._approach = Prepared(
-            braking.approach,
-            self._way,
-            self._before,
-            limits.acceleration,
-            float(self.period),
-            soon_low,
-            soon_high,
-            self._way,
+        return self.transition.narrowed(
+            bounds, self._before, self._robot.limits, step, self._joints.fill
         )
 
     def _model(self, robot: Robot) -> Arm:
@@ -233,32 +163,6 @@ class SafetyFilter:
         arm = Arm(robot.joints, robot.response, self.period, robot.space)
         arm.limit = robot.limits.velocity
         return arm
-
-    def _use(self, limits: Limits) -> None:
-        self._limits = limits
-        self.arm.limit = limits.velocity
-        self._step, self._acceleration = self.period, limits.acceleration
-        endless = np.isinf(np.concatenate([limits.position_min, limits.position_max]))
-        self._plain = not math.isfinite(self.period) or (
-            bool(endless.all()) and bool(np.isinf(limits.acceleration).all())
-        )
-        if self._plain:
-            self._bounds = Bounds.of_speed(limits.velocity)
-        else:
-            low, high, soon_low, soon_high = np.zeros((4, self._robot.n))
-            change = limits.acceleration * self.period
-            self._bounds = Bounds(
-                limits.velocity,
-                low,
-                high,
-                soon_low,
-                soon_high,
-                not endless.all(),
-                change if np.isfinite(change).any() else None,
-                self._before if np.isfinite(change).any() else None,
-                self.period,
-            )
-        self._prepare(limits)
 
     def pass_on(self, command: Vector) -> None:
         """Turn a wished command (n,), inside the velocity limits, into one that can be sent.
@@ -275,7 +179,7 @@ class SafetyFilter:
         if transition.under_way:
             transition.pass_by(command)
             self.approach(command)
-        elif not self._plain:
+        elif not self._joints.plain:
             self.approach(command)
         if self._ahead.tasks:
             self._give_way(command)
@@ -288,14 +192,8 @@ class SafetyFilter:
         if transition.under_way:
             acceleration, bounds = transition.acceleration(self._before), transition.bounds
         else:
-            acceleration, bounds = self._robot.limits.acceleration, self._bounds
-        call = self._approach
-        wish, _, given, _, _, upper, _ = call.arguments
-        if wish is not command or given is not acceleration or upper is not bounds.soon_upper:
-            arrays = {0: command, 2: acceleration, 4: bounds.soon_lower, 5: bounds.soon_upper}
-            for i, array in {**arrays, 6: command}.items():
-                call.replace(i, array)
-        call.run()
+            acceleration, bounds = self._robot.limits.acceleration, self._joints.bounds
+        self._joints.approach(command, acceleration, bounds)
 
     def step(
         self,
@@ -367,7 +265,7 @@ class SafetyFilter:
             self.arm.go_on(elapsed)
         # At rest nothing is compiled or loaded for it.
         if self._before.any():
-            self._by_limits()
+            self._joints.by_limits()
             self.slow_down(command)
         else:
             command[:] = 0.0
@@ -386,61 +284,26 @@ class SafetyFilter:
 
     def slow_down(self, command: Vector) -> None:
         """Fill the velocities (n,) of the next step of the braking trajectory; nothing is sent."""
-        if not math.isfinite(self.period):
-            command[:] = 0.0
-            return
-        self._braking.coast(
-            self._before,
-            self._acceleration,
-            self.arm.step,
-            self._ahead.together,
-            1,
-            self._way,
-            command,
-        )
-        if self._late and not self._plain:
-            np.clip(command, self._bounds.soon_lower, self._bounds.soon_upper, out=command)
+        self._joints.coast(self._ahead.together, command)
 
     def _give_way(self, command: Vector) -> None:
         """Send less of a command (n,) and more braking where a distance would be too small."""
         ahead = self._ahead
         ahead.begin()
         self.stopped_by = ()
-        if ahead.is_safe(command, self._acceleration):
+        if ahead.is_safe(command, self._joints.acceleration):
             return
         self.stopped_by = ahead.short
         stop = np.zeros(self._robot.n)
         self.slow_down(stop)
         for share in SHARES:
             trial = stop + share * (command - stop)
-            if ahead.is_safe(trial, self._acceleration):
+            if ahead.is_safe(trial, self._joints.acceleration):
                 command[:] = trial
                 return
         command[:] = stop
 
     def active_limits(self, command: Vector) -> list[str]:
         """Which limits a command (n,) that was sent meets, by joint, and who stopped it."""
-        found = []
-        limits = self._robot.limits
-        for i, joint in enumerate(self._robot.joints):
-            value, speed = float(command[i]), float(limits.velocity[i])
-            if abs(value) >= speed * (1.0 - AT_LIMIT):
-                found.append(f'{joint} velocity')
-            elif not self._plain:
-                found += self._met(joint, i, value)
-        return found + [f'{name} distance' for name in self.stopped_by]
-
-    def _met(self, joint: str, i: int, value: float) -> list[str]:
-        bounds = self._bounds
-        for free, soon, sign in (
-            (bounds.range_upper[i], bounds.soon_upper[i], 1.0),
-            (bounds.range_lower[i], bounds.soon_lower[i], -1.0),
-        ):
-            if sign * value >= sign * soon - AT_LIMIT * max(1.0, abs(soon)):
-                return [f'{joint} {"position" if sign * free <= sign * soon else "acceleration"}']
-        return []
-
-
-def _fixed(values: Vector) -> Vector:
-    values.flags.writeable = False
-    return values
+        stopped = [f'{name} distance' for name in self.stopped_by]
+        return self._joints.met_by(command) + stopped

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, plural, shown
 from tp_controller.robot import Robot
-from tp_controller.robot.urdf import KEY, numbers
+from tp_controller.robot.package_files import KEY
+from tp_controller.robot.urdf import numbers
 from tp_sim.integrator import Integrator
 from tp_sim.plant_settings import Values
 

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from tp_controller.interpolation import VectorPath
 from tp_controller.planning.ahead import HOLDS
 from tp_controller.planning.conditions import Conditions
-from tp_controller.trajectory import VectorPath
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

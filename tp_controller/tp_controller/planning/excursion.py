@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tp_controller.interpolation import VectorPath
 from tp_controller.stack import Stack
 from tp_controller.tasks import PostureTask
-from tp_controller.trajectory import JointPath, VectorPath
+from tp_controller.trajectory import JointPath
 
 Vector = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from tp_controller.config import Settings
 from tp_controller.config.changes import HIERARCHY
+from tp_controller.interpolation import VectorPath
 from tp_controller.parameters import Flat
 from tp_controller.planning.planner import Phase, Plan
 from tp_controller.stack import Stack
-from tp_controller.trajectory import VectorPath
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.config import START, Settings, build_settings, build_stack
+from tp_controller.interpolation import VectorPath
 from tp_controller.planning import ahead, search, way
 from tp_controller.planning.ahead import Ahead, look_ahead
 from tp_controller.planning.clear import Clear
@@ -20,7 +21,6 @@ from tp_controller.planning.way import Way, find_way
 from tp_controller.robot import Robot
 from tp_controller.stack import Stack
 from tp_controller.tasks import SetBasedTask
-from tp_controller.trajectory import VectorPath
 
 Vector = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from tp_controller.interpolation import VectorPath
 from tp_controller.robot import Limits
-from tp_controller.trajectory import VectorPath
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, plural
+from tp_controller.interpolation import VectorPath
 from tp_controller.planning.clear import Clear
 from tp_controller.planning.conditions import Conditions
 from tp_controller.planning.search import SLOW, Solution
 from tp_controller.planning.timing import timed
 from tp_controller.stack import Stack
-from tp_controller.trajectory import VectorPath
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -9,12 +9,13 @@ from tp_controller.robot.limits import Limits
 from tp_controller.robot.make import clad
 from tp_controller.robot.model import Robot
 from tp_controller.robot.motions import BASES
+from tp_controller.robot.package_files import read_description
 from tp_controller.robot.pairs import link_pairs, obstacle_clearance, self_clearance
 from tp_controller.robot.response import Response
 from tp_controller.robot.shapes import Shape, capsule, half_space, sphere
 from tp_controller.robot.space import Space
 from tp_controller.robot.state import State, moved
-from tp_controller.robot.urdf import LONGEST_URDF, read_description, urdf_robot
+from tp_controller.robot.urdf import LONGEST_URDF, urdf_robot
 
 __all__ = [
     'BASES',

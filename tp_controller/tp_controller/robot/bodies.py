@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from tp_controller.errors import NO_VALUE, InvalidValue, listed, plural, shown
 from tp_controller.robot.model import Robot
+from tp_controller.robot.package_files import place_of
 from tp_controller.robot.shapes import CAPSULE_WORDS, Shape, capsule, fitted_capsule, read_capsules
-from tp_controller.robot.urdf import numbers, place_of
+from tp_controller.robot.urdf import numbers
 
 Vector = NDArray[np.float64]
 

@@ -12,8 +12,9 @@ from tp_controller.robot.dh import DHParameters, dh_robot
 from tp_controller.robot.limits import Limits
 from tp_controller.robot.model import Robot
 from tp_controller.robot.motions import FIXED
+from tp_controller.robot.package_files import read_description
 from tp_controller.robot.srdf import disabled_pairs
-from tp_controller.robot.urdf import read_description, urdf_robot
+from tp_controller.robot.urdf import urdf_robot
 
 Values = float | Sequence[float]
 """One value for all joints or one per joint."""

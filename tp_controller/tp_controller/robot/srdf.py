@@ -7,7 +7,7 @@ from itertools import combinations
 from xml.etree import ElementTree
 
 from tp_controller.errors import InvalidValue, listed, shown
-from tp_controller.robot.urdf import place_of
+from tp_controller.robot.package_files import place_of
 
 SRDF = 'robot.srdf'
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from tp_controller.config import Settings
 from tp_controller.errors import plural
+from tp_controller.interpolation import VectorPath
 from tp_controller.planning.excursion import Excursion
 from tp_controller.planning.messages import (
     Failed,
@@ -24,7 +25,6 @@ from tp_controller.planning.planner import Kind, Phase
 from tp_controller.planning.remote import SILENCE, RemotePlanner
 from tp_controller.ros.log import Log
 from tp_controller.ros.situation import Situation
-from tp_controller.trajectory import VectorPath
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -18,7 +18,7 @@ from tp_controller.robot import Frame, Robot
 from tp_controller.ros.trajectory_messages import Begin, frame_path, joint_path
 from tp_controller.rotations import rotation_from_quaternion
 from tp_controller.tasks import FrameTask, JointTask, ObstacleTask, Task, WholeArmTask
-from tp_controller.tasks.base import LARGEST
+from tp_controller.tasks.checks import LARGEST
 from tp_controller.trajectory import TaskPath
 
 Vector = NDArray[np.float64]

@@ -9,13 +9,14 @@ import numpy as np
 from builtin_interfaces.msg import Time
 
 from tp_controller.errors import InvalidValue
+from tp_controller.pace import made_up, pace
 from tp_controller.ros.codecs import GOALS, Frames
 from tp_controller.ros.release import Release
 from tp_controller.ros.state_watch import nanoseconds
 from tp_controller.ros.trajectory_messages import Begin
 from tp_controller.stack import Stack
 from tp_controller.tasks import Task
-from tp_controller.trajectory import TaskPath, made_up, pace
+from tp_controller.trajectory import TaskPath
 
 LATEST = 3600.0
 """Time [s] before its beginning at which a trajectory may come."""

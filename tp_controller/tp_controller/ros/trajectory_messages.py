@@ -10,20 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.errors import InvalidValue, listed, plural, shown
+from tp_controller.interpolation import RotationPath, VectorPath, check_times
 from tp_controller.robot import Frame
 from tp_controller.ros.trajectory_bytes import PointValues, trajectory_message
 from tp_controller.rotations import rotations_from_quaternions
 from tp_controller.tasks import FrameTask, JointTask, PositionTask
-from tp_controller.tasks.base import LARGEST
-from tp_controller.trajectory import (
-    FramePath,
-    JointPath,
-    RotationPath,
-    Straight,
-    TaskPath,
-    VectorPath,
-    check_times,
-)
+from tp_controller.tasks.checks import LARGEST
+from tp_controller.trajectory import FramePath, JointPath, Straight, TaskPath
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

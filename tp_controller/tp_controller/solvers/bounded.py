@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.prepared import Prepared
+from tp_controller.solvers.codes import BENT, BRIEF, FAILED, LOSES, PLAIN, SIMPLE, UNKNOWN
 from tp_controller.solvers.problem import Bounds, Curvature
+from tp_controller.solvers.workspace import FREE, NEEDED, SLOWED, VERDICTS, workspace
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -83,12 +85,12 @@ class BoundedRecursion:
         self._shares = np.ones(len(starts))
         self._stops = np.full(n + rows, -1, dtype=np.int64)
         self.row_stops = self._stops[n:]
-        self._work = kernel.workspace(n + rows, n)
+        self._work = workspace(n + rows, n)
         self.shares = self._shares[1:]
-        self._verdicts = self._work[kernel.VERDICTS][1 : len(starts)]
-        self._needed = self._work[kernel.NEEDED]
-        self.free, self.slowed = self._work[kernel.FREE][:n], self._work[kernel.SLOWED][:rows]
-        self.settling: int = kernel.PLAIN
+        self._verdicts = self._work[VERDICTS][1 : len(starts)]
+        self._needed = self._work[NEEDED]
+        self.free, self.slowed = self._work[FREE][:n], self._work[SLOWED][:rows]
+        self.settling: int = PLAIN
         self.scale = 1.0
         self._before, self._still, unused = np.zeros((3, n))
         self._unlimited = np.full(n, np.inf)
@@ -102,7 +104,7 @@ class BoundedRecursion:
             self._flat.rows,
             self._flat.hessians,
             self.settling,
-            kernel.BRIEF,
+            BRIEF,
             self._rows,
             self._values,
             self._flags,
@@ -134,7 +136,7 @@ class BoundedRecursion:
 
         Whether a level `LEAVES` depends on whether there is one below: that does not count.
         """
-        verdicts, loses = self._verdicts.tolist(), self._kernel.LOSES
+        verdicts, loses = self._verdicts.tolist(), LOSES
         return verdicts.index(loses) if loses in verdicts else -1
 
     @property
@@ -159,18 +161,18 @@ class BoundedRecursion:
         """
         kernel = self._kernel
         known = curvature or self._flat
-        self.settling = kernel.PLAIN
+        self.settling = PLAIN
         if settles and curvature is not None:
             # Second derivatives that counted in the last step will mostly count again.
-            self.settling = kernel.BENT if self._needed[0] else kernel.SIMPLE
-            if self.settling == kernel.BENT:
+            self.settling = BENT if self._needed[0] else SIMPLE
+            if self.settling == BENT:
                 known.fill()
         result = self._recur(J, velocity, bounds, known, wanted, qd)
-        if result == kernel.UNKNOWN:
+        if result == UNKNOWN:
             known.fill()
-            self.settling = kernel.BENT
+            self.settling = BENT
             result = self._recur(J, velocity, bounds, known, wanted, qd)
-        if result == kernel.FAILED:
+        if result == FAILED:
             raise np.linalg.LinAlgError('a Jacobian or a velocity beyond the range of floats')
         if self._holds_joints:
             return min(self._shares.tolist())

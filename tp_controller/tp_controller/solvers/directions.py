@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from tp_controller.compiled import inner
-from tp_controller.solvers.settling import orthogonalise
+from tp_controller.solvers.jacobi import orthogonalise
 
 STILL = 1e-13
 """A row of a Jacobian that is shorter [m/rad, -] is rounding: no joint moves it."""

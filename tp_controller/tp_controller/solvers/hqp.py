@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.solvers.base import Solver
+from tp_controller.solvers.codes import ALONE, BENT, WHOLE
 from tp_controller.solvers.problem import Bounds, Curvature, Levels
+from tp_controller.solvers.workspace import workspace
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
@@ -77,7 +79,7 @@ class HQPSolver(Solver):
         self._equal = ~sided
         self.problem = LexicographicProblem(n, self._starts, sided, self.metric)
         # The second pass's levels, and above them joints at the ends of their ranges.
-        self._work = self._kernel.workspace(n + k, n)
+        self._work = workspace(n + k, n)
         self._rows = np.vstack([np.eye(n), np.zeros((k, n))])
         self._values = np.zeros((3, n + k))
         self._wish, _, self._slowed = self._values
@@ -161,9 +163,9 @@ class HQPSolver(Solver):
         """
         if self._set is None:
             self._set = self._recursion_inside_bounds(True)
-        recursion, kernel = self._set, self._kernel
+        recursion = self._set
         # Whether a level loses inside the bounds counts where levels are settled.
-        wanted = kernel.ALONE if curvature is None else kernel.WHOLE
+        wanted = ALONE if curvature is None else WHOLE
         self._inside[:] = velocity
         recursion.resolve(J, self._inside, bounds, qd, curvature, True, wanted)
         self._free[:], self._slowed[self.n :] = recursion.free, recursion.slowed
@@ -284,7 +286,7 @@ class HQPSolver(Solver):
         found = self._ask_again(bounds, qd, known, settling)
         if found == second.BENT:
             known.fill()
-            found = self._ask_again(bounds, qd, known, self._kernel.BENT)
+            found = self._ask_again(bounds, qd, known, BENT)
         if found == second.NOTHING:
             return False
         if found < 0:

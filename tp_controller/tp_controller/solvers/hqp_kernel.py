@@ -10,8 +10,8 @@ import math
 
 from tp_controller.array_types import COLUMN, CUBE, FIXED, ROWS
 from tp_controller.compiled import boolean, float64, int64, njit, void
-from tp_controller.solvers.kernel import DONE, recur
-from tp_controller.solvers.settling import UNKNOWN
+from tp_controller.solvers.codes import DONE, UNKNOWN
+from tp_controller.solvers.kernel import recur
 
 ROUNDING = 1e-9
 """A joint that is nearer [rad/s, m/s] to its bound is at it."""

@@ -5,8 +5,9 @@ from typing import Any
 
 from tp_controller.errors import InvalidValue, listed
 from tp_controller.plugins import Registry, check_class
-from tp_controller.tasks.base import COMMON, Common, Task
+from tp_controller.tasks.base import Task
 from tp_controller.tasks.clearance import ClearanceTask
+from tp_controller.tasks.common import COMMON, Common
 from tp_controller.tasks.frame import FrameTask
 from tp_controller.tasks.gaze import GazeTask
 from tp_controller.tasks.joint import JointTask
@@ -18,7 +19,9 @@ from tp_controller.tasks.pose import PoseTask
 from tp_controller.tasks.position import PositionTask
 from tp_controller.tasks.posture import PostureTask
 from tp_controller.tasks.self_collision import SelfCollisionTask
-from tp_controller.tasks.set_based import SetBasedTask, Switching
+from tp_controller.tasks.set_based import SetBasedTask
+from tp_controller.tasks.task_settings import TaskSettings
+from tp_controller.tasks.thresholds import Switching
 from tp_controller.tasks.whole_arm import Measures, WholeArmTask
 
 _OWN: tuple[type[Task], ...] = (
@@ -70,5 +73,6 @@ __all__ = [
     'SetBasedTask',
     'Switching',
     'Task',
+    'TaskSettings',
     'WholeArmTask',
 ]

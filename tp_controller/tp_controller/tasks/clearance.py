@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tp_controller.robot import Clearance
-from tp_controller.tasks.set_based import SetBasedTask, Switching, Thresholds
+from tp_controller.tasks.set_based import SetBasedTask
+from tp_controller.tasks.thresholds import Switching, Thresholds
 
 Vector = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from tp_controller.tasks.frame import FRAME, LABELS, FrameTask
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from tp_controller.tasks.base import Common
+    from tp_controller.tasks.common import Common
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

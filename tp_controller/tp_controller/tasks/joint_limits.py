@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.parameters import NUMBERS, TEXTS, Parameter
 from tp_controller.robot import Limits, Robot
-from tp_controller.tasks.set_based import THRESHOLDS, SetBasedTask, Switching
+from tp_controller.tasks.set_based import SetBasedTask
+from tp_controller.tasks.thresholds import THRESHOLDS, Switching
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from tp_controller.tasks.base import Common
+    from tp_controller.tasks.common import Common
 
 Vector = NDArray[np.float64]
 

@@ -13,13 +13,14 @@ from tp_controller.errors import NO_VALUE, InvalidValue, listed, shown
 from tp_controller.parameters import BOOLEAN, NUMBER, NUMBERS, REQUIRED, TEXT, TEXTS, Parameter
 from tp_controller.robot import Robot
 from tp_controller.tasks.frame import LABELS, axis_rows
-from tp_controller.tasks.set_based import THRESHOLDS, SetBasedTask, Switching
+from tp_controller.tasks.set_based import SetBasedTask
+from tp_controller.tasks.thresholds import THRESHOLDS, Switching
 from tp_controller.tasks.whole_arm import SHAPES, Measures, WholeArmTask
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from tp_controller.tasks.base import Common
+    from tp_controller.tasks.common import Common
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

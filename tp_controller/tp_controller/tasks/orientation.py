@@ -22,7 +22,7 @@ from tp_controller.tasks.parts import HEADING, ROTATION, TILT, Part
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from tp_controller.tasks.base import Common
+    from tp_controller.tasks.common import Common
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

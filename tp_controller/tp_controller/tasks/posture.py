@@ -12,7 +12,7 @@ from tp_controller.tasks.joint import JointTask
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from tp_controller.tasks.base import Common
+    from tp_controller.tasks.common import Common
 
 
 class PostureTask(JointTask):

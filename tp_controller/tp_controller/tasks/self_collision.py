@@ -13,12 +13,12 @@ from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.parameters import BOOLEAN, TEXTS, Parameter
 from tp_controller.robot import Robot, self_clearance
 from tp_controller.tasks.clearance import ClearanceTask
-from tp_controller.tasks.set_based import THRESHOLDS, Switching
+from tp_controller.tasks.thresholds import THRESHOLDS, Switching
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from tp_controller.tasks.base import Common
+    from tp_controller.tasks.common import Common
 
 Vector = NDArray[np.float64]
 

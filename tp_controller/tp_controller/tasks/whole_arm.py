@@ -15,12 +15,12 @@ from tp_controller.robot import Robot, Shape, obstacle_clearance
 from tp_controller.robot.shapes import rotation_to
 from tp_controller.rotations import rotation_from_quaternion
 from tp_controller.tasks.clearance import ClearanceTask
-from tp_controller.tasks.set_based import Switching
+from tp_controller.tasks.thresholds import Switching
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from tp_controller.tasks.base import Common
+    from tp_controller.tasks.common import Common
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -11,7 +11,8 @@ import numpy as np
 import pinocchio as pin
 import trimesh
 
-from tp_controller.robot.urdf import numbers, place_of
+from tp_controller.robot.package_files import place_of
+from tp_controller.robot.urdf import numbers
 from tp_controller.view.coarse import coarse_scenes
 
 GREY = (0.75, 0.76, 0.78, 1.0)
