@@ -90,6 +90,37 @@ def test_a_block_of_another_node_or_of_one_namespace_does_not_count(file_of, nam
     assert read_parameter_file(file_of(f'{name}: {{ros__parameters: {{a: 1}}}}'), 'arm') == {}
 
 
+@pytest.mark.parametrize(
+    ('text', 'value'),
+    [
+        ('1e-3', 0.001),
+        ('[0.5, 1e-3, -2.5e3]', [0.5, 0.001, -2500.0]),
+        ('1.E+2', 100.0),
+        ('.5e1', 5.0),
+        ('y', True),
+        ('N', False),
+        ("'y'", 'y'),
+        ('xy', 'xy'),
+        ('e3', 'e3'),
+    ],
+)
+def test_values_are_what_ros_takes_them_for(file_of, text, value):
+    found = read_parameter_file(file_of(under_node([f'key: {text}'])), 'arm')
+    assert found == {'key': value}
+    assert type(found['key']) is type(value)
+
+
+def test_parameters_of_ros_itself_are_left_out(file_of):
+    own = ['use_sim_time: true', 'start_type_description_service: false']
+    path = file_of(under_node([*own, 'qos_overrides: {/clock: {depth: 1}}', 'rate: 50.0']))
+    assert read_parameter_file(path, 'arm') == {'rate': 50.0}
+
+
+def test_keys_are_texts(file_of):
+    path = file_of(under_node(['tasks: {y: {gain: [1.0]}, on: {gain: [2.0]}}']))
+    assert read_parameter_file(path, 'arm') == {'tasks.y.gain': [1.0], 'tasks.on.gain': [2.0]}
+
+
 def test_later_blocks_override_earlier_ones(file_of):
     text = 'arm: {ros__parameters: {a: 1}}\n/**: {ros__parameters: {a: 2, b: 3}}'
     assert read_parameter_file(file_of(text), 'arm') == {'a': 2, 'b': 3}

@@ -222,4 +222,5 @@ def test_a_first_joint_state_without_joints_is_ignored(lone_controller):
     controller = lone_controller()
     controller.give([], [])
     controller.client.wait_for(lambda: controller.state.ignored_states == 1, 'the count')
+    assert "no 'joint_1' in ['gripper']" in controller.give_bad([0.1], ['gripper'])
     assert any(controller.ask(START))

@@ -18,6 +18,7 @@ from tp_sim.harness import Client, ClosedLoop, PrivateDomain
 from tp_sim.harness.document import edited
 
 START = np.array([0.0, 0.6, 0.3])
+JOINTS = ['joint_1', 'joint_2', 'joint_3']
 ACCELERATION = 2.0
 RATE = 60.0
 LIMIT = 0.1
@@ -49,10 +50,10 @@ class Arm:
     def state(self):
         return self.controller.state
 
-    def tell(self, stamp=None, position=None):
+    def tell(self, stamp=None, position=None, names=JOINTS):
         """Publish a joint state; return its stamp [ns]."""
         stamp = self.now if stamp is None else stamp
-        msg = JointState(name=['joint_1', 'joint_2', 'joint_3'], velocity=list(self.qd))
+        msg = JointState(name=names, velocity=list(self.qd[: len(names)]))
         msg.position = list(self.q if position is None else position)
         msg.header.stamp.sec, msg.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
         self._publisher.publish(msg)
@@ -175,6 +176,19 @@ def test_states_that_overtake_each_other_are_dropped_and_counted(patient):
     patient.client.wait_for(lambda: patient.state.overtaken == 1, 'it to be counted')
     assert patient.now - 50_000_000 not in [nanoseconds(c) for c in patient.commands[count:]]
     patient.step()
+    assert_inside_the_acceleration_limit(patient.commands)
+
+
+@pytest.mark.parametrize('ahead', [0.0, 0.5, -0.5])
+def test_states_of_another_device_are_passed_over_whatever_their_stamps(patient, ahead):
+    patient.step()
+    for _ in range(9):
+        patient.tell(patient.now + round(1e9 * ahead), [0.02], ['gripper'])
+        patient.step()
+        patient.tell(patient.now + round(1e9 * ahead), [0.02], ['gripper'])
+    state = patient.state
+    assert (state.overtaken, state.ignored_states, state.skipped) == (0, 0, 0)
+    assert np.abs(patient.qd).max() == pytest.approx(10 * ACCELERATION / RATE)
     assert_inside_the_acceleration_limit(patient.commands)
 
 

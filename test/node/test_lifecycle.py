@@ -8,6 +8,7 @@ from sensor_msgs.msg import JointState
 
 from tp_interfaces.action import Reach
 from tp_interfaces.msg import ControllerState
+from tp_interfaces.srv import AddTask
 from tp_sim.harness import ClosedLoop, GoalRejected
 
 START = [0.0, 0.6, 0.3]
@@ -72,6 +73,18 @@ def test_a_moving_controller_is_driven_through_all_states(config):
         assert loop.state.position == pytest.approx(place, abs=1e-6)
         loop.send_goal('ee_position', [1.0, -0.5])
         client.wait_for(moves, 'motion')
+
+        added = '{type: joint, joints: [joint_2]}'
+        request = AddTask.Request(name='added', level=1, parameters=added)
+        assert client.call(AddTask, 'tp_controller/add_task', request).success
+        for _ in range(2):
+            change(client, 'deactivate')
+            change(client, 'cleanup')
+            # The present stack is what comes again.
+            assert change(client, 'configure') == (True, 'inactive')
+            assert change(client, 'activate') == (True, 'active')
+        client.wait_for(lambda: loop.state.status == ControllerState.RUNNING, 'control')
+        assert client.task('added').level == 1
 
         change(client, 'deactivate')
         assert change(client, 'cleanup') == (True, 'unconfigured')

@@ -1,10 +1,17 @@
 """Publishers that are not heard are found, at little cost for the cycle."""
 
+import time
+from array import array
+
 import pytest
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
 
+from tp_controller.ros.joint_states import JointStateValues
 from tp_controller.ros.neighbours import Neighbours
+from tp_controller.ros.other_devices import OtherDevices
 from tp_controller.ros.polled import subscribe
 from tp_controller.ros.warnings import Warnings
 from tp_sim.harness import Client, PrivateDomain
@@ -43,7 +50,10 @@ class Scene:
         self.other = self.speaker.make_node('speaker')
         self.inputs = [subscribe(self.node.node, PointStamped, topic, 10) for topic in TOPICS]
         self.warnings = Warnings(lambda _: None, lambda _: None)
-        self.neighbours = Neighbours(self.node, '/command', '/joint_states', self.warnings)
+        self.others = OtherDevices(['joint_1'])
+        self.neighbours = Neighbours(
+            self.node, '/command', '/joint_states', self.warnings, self.others
+        )
 
     def publish(self, message=PointStamped, **qos):
         for topic in TOPICS:
@@ -97,3 +107,16 @@ def test_all_that_are_not_heard_are_told_after_one_turn(scene, spoken, told):
     for topic in TOPICS:
         assert f'/{topic}: /speaker {told}' in scene.warnings.message
     scene.neighbours.listen([])
+
+
+@pytest.mark.parametrize(('names', 'told'), [(['gripper'], False), (['joint_1'], True)])
+def test_publishers_of_other_joints_do_not_make_the_arm_jump(scene, names, told):
+    for _ in range(2):
+        scene.other.create_publisher(JointState, '/joint_states', 1)
+    scene.client.wait_for(lambda: scene.node.count_publishers('/joint_states') == 2, 'both')
+    for _ in range(2):
+        msg = JointStateValues(Time(), names, array('d', [0.0]), array('d'))
+        assert scene.others.sent(msg, time.monotonic()) is not told
+        scene.neighbours.look()
+    assert ('the arm jumps between two states' in scene.warnings.message) is told
+    assert not scene.neighbours.alone

@@ -173,6 +173,45 @@ def test_a_late_arm_comes_to_rest_too(response):
     assert np.abs(stack.step(plant.measured()[0], period).command).max() < 1e-3
 
 
+@pytest.mark.parametrize('response', [{}, {'hold': 0.02}, {'delay': [0.03]}, {'noise': [1e-3]}])
+@pytest.mark.parametrize('end', [1.0, -1.0])
+def test_an_arm_outside_its_range_comes_back_by_its_tasks_and_rests_when_held(response, end):
+    values = flatten(read_parameter_file(CONFIG / 'a4_position_joint.yaml', 'tp_controller'))
+    values |= {f'robot.{key}': value for key, value in response.items()}
+    limits = {'position_min': [-2.0], 'position_max': [2.0], 'acceleration': [10.0]}
+    values |= {f'robot.limits.{key}': value for key, value in limits.items()}
+    values |= {'hierarchy': ['joint_1_position'], 'tasks.joint_1_position.gain': [0.0]}
+    run = Run(values, [end * 2.9, 0.5, 0.5])
+    run.step(30)
+    assert end * run.before[0] < -0.05
+    run.stack.hold()
+    run.step(run.braking_steps())
+    assert not run.before.any()
+    place = run.q
+    run.step(20)
+    assert np.array_equal(run.q, place)
+    assert end * place[0] > 2.0
+    run.stack.resume()
+    run.step(30)
+    assert end * run.before[0] < -0.05
+
+
+@pytest.mark.parametrize('response', [{}, {'hold': 0.03}, {'delay': [0.03], 'lag': [0.03]}])
+def test_a_joint_that_is_blocked_outside_its_range_is_braked(response):
+    values = flatten(read_parameter_file(CONFIG / 'a4_position_joint.yaml', 'tp_controller'))
+    values |= {f'robot.{key}': value for key, value in response.items()}
+    limits = {'position_min': [-2.0], 'position_max': [2.0], 'acceleration': [10.0]}
+    values |= {f'robot.limits.{key}': value for key, value in limits.items()}
+    values |= {'hierarchy': ['joint_1_position'], 'tasks.joint_1_position.gain': [0.0]}
+    stack = build_settings(values).stack
+    period, rests = 1.0 / values['rate'], 0
+    for _ in range(150):
+        command = stack.step([2.5, 0.5, 0.5], period).command
+        assert stack.braking is not stack.arm.following
+        rests += stack.braking and not command.any()
+    assert rests > 20
+
+
 def two_tasks():
     values = read_parameter_file(CONFIG / 'a4_position_joint.yaml', 'tp_controller')
     run = Run(values, START)

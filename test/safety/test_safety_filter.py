@@ -11,6 +11,9 @@ from small_arms import planar_block
 
 from tp_controller import InvalidValue, build_settings
 from tp_controller.config import check_changes, controller_schema
+from tp_controller.robot import Limits
+from tp_sim.integrator import Integrator
+from tp_sim.plant import Plant, PlantSettings
 
 seeds = st.integers(0, 10_000)
 
@@ -133,6 +136,35 @@ def test_an_obstacle_that_jumps_onto_a_moving_arm_makes_it_brake_and_leave():
             assert stack.safety_filter.active_limits(command)[-1] == 'o distance'
     assert min(distance) == min(distance[50:100])
     assert distance[-1] > 0.0
+
+
+@pytest.mark.parametrize(
+    'response',
+    [{}, {'hold': 0.03}, {'delay': [0.02], 'lag': [0.03]}, {'noise': [1e-3], 'hold': 0.02}],
+)
+@pytest.mark.parametrize('moves', [True, False])
+def test_a_late_arm_leaves_an_obstacle_that_jumps_onto_it_too(response, moves):
+    stack = guarded(
+        planar_block(1.0, 1.0) | response,
+        {'velocity': [1.0], 'acceleration': [4.0]},
+        {'o': obstacle('link_2', [9.0, 9.0, 0.0], 0.3)},
+    )
+    q = [0.0, 0.5]
+    limits = Limits(2, velocity=[1.0])
+    plant = PlantSettings(delay=2, lag=0.03) if 'lag' in response else PlantSettings()
+    arm = Plant(Integrator(q, limits), plant, math.inf)
+    stack.tasks['end'].target = [-1.0, 1.0, 0.0]
+    stopped = 0
+    for i in range(500):
+        if i == 50 * moves:
+            stack.robot.update(arm.measured()[0])
+            tip = stack.robot.frame('link_2').position
+            stack.tasks['o'].target = np.add(tip, [-0.05, 0.02, 0.0])
+        arm.step(stack.step(arm.measured()[0], 0.01).command, 0.01)
+        stopped += bool(stack.safety_filter.stopped_by)
+    assert float(stack.tasks['o'].distance[0]) > 0.0
+    # Braking from full speed is all that the filter has to do about it.
+    assert stopped <= 25 + 5
 
 
 def test_who_stopped_the_arm_is_forgotten_when_nobody_is_looked_at_any_more():

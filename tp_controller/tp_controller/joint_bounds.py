@@ -144,6 +144,12 @@ class JointBounds:
             )
         self._prepare(limits)
 
+    def let_rest(self) -> None:
+        """Let joints stay outside their ranges until the next call of `by_limits`."""
+        if not self.plain:
+            np.minimum(self.bounds.soon_lower, 0.0, out=self.bounds.soon_lower)
+            np.maximum(self.bounds.soon_upper, 0.0, out=self.bounds.soon_upper)
+
     def approach(self, command: Vector, acceleration: Vector, bounds: Bounds) -> None:
         """Bring a wished command (n,) into bounds, in the direction from the last command."""
         call = self._approach
@@ -169,7 +175,10 @@ class JointBounds:
             command,
         )
         if self._late and not self.plain:
-            np.clip(command, self.bounds.soon_lower, self.bounds.soon_upper, out=command)
+            # With zero among them, see `let_rest`.
+            lower = np.minimum(self.bounds.soon_lower, 0.0)
+            upper = np.maximum(self.bounds.soon_upper, 0.0)
+            np.clip(command, lower, upper, out=command)
 
     def met_by(self, command: Vector) -> list[str]:
         """Which limits a command (n,) that was sent meets, by joint."""

@@ -352,8 +352,10 @@ class Lookahead:
             self._probe(near, end, last, enough)
             self._probe(near, begin, first, enough)
             first[~doubtful] = last[~doubtful] = np.inf
-            # Where the arm is already too near it must not get nearer.
-            required = np.minimum(required, first) + self._reach @ tube
+            # Where the arm is already too near it must not get nearer. There the tube does not
+            # count: whatever is sent, it cannot be kept out of what is too near.
+            inside = np.where(first < self._reserve, 0.0, self._reach @ tube)
+            required = np.minimum(required, first) + inside
             for distance in (first, last):
                 if np.any(distance < required):
                     self.short = _below(near, distance, required)

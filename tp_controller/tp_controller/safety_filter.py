@@ -186,6 +186,17 @@ class SafetyFilter:
         self._before[:] = command
         self.arm.send(command)
 
+    def let_rest(self) -> None:
+        """Let joints stay outside their ranges in this step: braking does not bring them back.
+
+        To be called after `bounds` and before `pass_on`.
+        """
+        self._joints.let_rest()
+        if self.transition.under_way:
+            bounds = self.transition.bounds
+            np.minimum(bounds.soon_lower, 0.0, out=bounds.soon_lower)
+            np.maximum(bounds.soon_upper, 0.0, out=bounds.soon_upper)
+
     def approach(self, command: Vector) -> None:
         """Bring a wished command (n,) to what this step allows, in the same direction."""
         transition = self.transition
@@ -247,6 +258,7 @@ class SafetyFilter:
             np.clip(wished, bounds.soon_lower, bounds.soon_upper, out=command)
         else:
             self.transition.give_way()
+            self.let_rest()
         self.pass_on(command)
         return command
 

@@ -130,6 +130,7 @@ class Stepper:
         if self.braking:
             answer[:] = 0.0
             safety_filter.transition.give_way()
+            safety_filter.let_rest()
         rows.command[:] = answer
         safety_filter.pass_on(rows.command)
         rows.achieve()
@@ -179,6 +180,7 @@ class Stepper:
         if safety_filter.transition.under_way and self._aims.targets is None:
             # Without a level, rest is what the hierarchy has come to.
             safety_filter.bounds()
+            safety_filter.let_rest()
             rows.command[:] = 0.0
             safety_filter.pass_on(rows.command)
         else:
@@ -193,6 +195,7 @@ class Stepper:
             raise UnusableState(message)
         self._filter.bounds()
         self._filter.transition.give_way()
+        self._filter.let_rest()
         self._filter.pass_on(self.rows.command)
         raise UnusableState(message, self._command)
 

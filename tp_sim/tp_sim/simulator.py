@@ -17,11 +17,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from std_srvs.srv import SetBool
 
+from tp_controller.config import ROS_OWN
 from tp_controller.config.schema import COMMAND_TYPES, POSITION_TYPES
 from tp_controller.errors import InvalidValue, listed, shown
 from tp_controller.ros.commands import command_topic, is_stamped
 from tp_controller.ros.joint_states import JointStateReader
-from tp_controller.ros.parameters import ROS_OWN, describe_parameters
+from tp_controller.ros.parameters import describe_parameters
 from tp_controller.ros.polled import Polled, take
 from tp_controller.ros.robot_node import TOPIC, TOPIC_QOS, RobotNode
 from tp_interfaces.srv import Reset, Step

@@ -14,6 +14,7 @@ from tp_controller.config.build import (
 )
 from tp_controller.config.changes import check_changes
 from tp_controller.config.files import (
+    ROS_OWN,
     empty_list,
     parse_parameters,
     read_blocks,
@@ -43,6 +44,7 @@ __all__ = [
     'HOLD',
     'PRESENT',
     'RESUME',
+    'ROS_OWN',
     'SHARED',
     'START',
     'TARGETS',

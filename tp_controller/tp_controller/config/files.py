@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import yaml
 
@@ -12,6 +13,9 @@ from tp_controller.errors import InvalidValue, shown
 from tp_controller.parameters import Flat, flatten
 
 WILDCARDS = ('*', '**')
+ROS_OWN = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
+"""Parameters that ROS 2 itself puts on every node."""
+BOOLEAN, TEXT = 'tag:yaml.org,2002:bool', 'tag:yaml.org,2002:str'
 
 LONGEST = 64 * 1024
 """Length of a text [characters] that a running controller reads."""
@@ -39,6 +43,34 @@ class _StrictLoader(yaml.SafeLoader):
                 )
             seen.add(key_node.value)
         return super().construct_mapping(node, deep)
+
+
+# 1e-3 is a number in ROS 2, to PyYAML a text.
+_StrictLoader.add_implicit_resolver(
+    'tag:yaml.org,2002:float',
+    re.compile(r'[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)[eE][-+]?[0-9]+$'),
+    list('-+.0123456789'),
+)
+
+
+class _RosLoader(_StrictLoader):
+    """Takes plain texts for truth values where ROS 2 does."""
+
+    bool_values: ClassVar[dict[str, bool]] = {
+        **yaml.SafeLoader.bool_values,
+        'y': True,
+        'n': False,
+    }
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        for key_node, _ in node.value:
+            # Keys are texts to ROS 2.
+            if key_node.tag == BOOLEAN:
+                key_node.tag = TEXT
+        return super().construct_mapping(node, deep)
+
+
+_RosLoader.add_implicit_resolver(BOOLEAN, re.compile('[yYnN]$'), list('yYnN'))
 
 
 class _BoundedLoader(_StrictLoader):
@@ -133,7 +165,7 @@ def read_parameter_file(path: str | Path, node: str) -> Flat:
     Returns
     -------
     dict
-        Values by dotted key.
+        Values by dotted key, without those of ROS 2 itself, such as ``use_sim_time``.
 
     Raises
     ------
@@ -155,13 +187,13 @@ def parse_parameters(text: str, place: str, node: str) -> Flat:
 
 
 def _merged(blocks: Mapping[str, Mapping[str, Any]], node: str) -> Flat:
-    """Values by dotted key of the blocks that are for a node."""
+    """Values by dotted key of the blocks that are for a node, without those of ROS 2 itself."""
     merged: Flat = {}
     for name, block in blocks.items():
         *namespace, last = name.strip('/').split('/')
         if last in (node, *WILDCARDS) and set(namespace) <= set(WILDCARDS):
             merged.update(flatten(block))
-    return merged
+    return {key: value for key, value in merged.items() if not key.startswith(ROS_OWN)}
 
 
 def read_blocks(path: str | Path) -> dict[str, Mapping[str, Any]]:
@@ -185,7 +217,7 @@ def read_blocks(path: str | Path) -> dict[str, Mapping[str, Any]]:
 def _parse(text: str, path: str) -> dict[str, Mapping[str, Any]]:
     """Blocks of the text of a parameter file, see `read_blocks`."""
     try:
-        document = yaml.load(text, Loader=_StrictLoader)
+        document = yaml.load(text, Loader=_RosLoader)
     except yaml.YAMLError as error:
         mark = getattr(error, 'problem_mark', None)
         where = f' in line {mark.line + 1}, column {mark.column + 1}' if mark else ''

@@ -86,13 +86,15 @@ class Control:
 
     def _missing_rate(self) -> str:
         stack = self._settings.stack
-        rests = 'the arm rests until it is found from the joint states'
         if self.positions and self._settings.values['rate'] is None:
-            return f'rate: got no value: {rests}, command.type needs it'
+            return (
+                'rate: got no value: the arm rests until it is found from the joint states, '
+                'command.type needs it'
+            )
         try:
             stack.robot.limits.check_period(stack.robot.joints, stack.safety_filter.period)
         except InvalidValue as error:
-            return f'{error}: {rests}'
+            return f'{error}: the arm rests until it is found from the joint states'
         return ''
 
     def _know_rate(self, rate: float) -> None:

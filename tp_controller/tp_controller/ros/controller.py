@@ -66,6 +66,8 @@ class ControllerNode(ManagedNode):
             ControllerState, '~/state', STATE_QUEUE_DEPTH
         )
         self._diagnostics = Diagnostics(self)
+        self._added: set[str] = set()
+        """Names of tasks that came while running."""
         self.begin()
 
     def check(self, given: Mapping[str, Any]) -> None:
@@ -81,6 +83,7 @@ class ControllerNode(ManagedNode):
     def start(self, given: Mapping[str, Any], description: str | None) -> None:
         """Build the stack of tasks and listen to joint states and goals."""
         self._settings = build_settings({START: HOLD, **given}, description, find_rate=True)
+        self._added.clear()
         values = self._settings.values
         self._stack = self._settings.stack
         rate, limit = values['rate'], values['timeouts.joint_state']
@@ -88,7 +91,7 @@ class ControllerNode(ManagedNode):
 
         self._warnings = Warnings(self.log.warning, self.log.info)
         watch = StateWatch(limit, period, time.monotonic() - time.time())
-        self._intake = intake = Intake(self, watch)
+        self._intake = intake = Intake(self, watch, self._stack.robot.coordinates)
         control = Control(
             self,
             self._settings,
@@ -204,6 +207,11 @@ class ControllerNode(ManagedNode):
             self._state.refresh(self._commands.velocity)
             self._publication.publish()
 
+    def added(self, key: str) -> bool:
+        """Whether a parameter is one of a task that was added."""
+        block, _, name = key.partition('.')
+        return block == 'tasks' and name.partition('.')[0] in self._added
+
     def close(self) -> None:
         """Let parameters be, and the action."""
         self._live_parameters.close()
@@ -274,6 +282,7 @@ class ControllerNode(ManagedNode):
     def _on_task_added(self, task: Task) -> Iterator[None]:
         self._follow_tasks()
         yield
+        self._added.add(task.name)
         yield from self._live_parameters.declare(task)
         yield from self._listen(task)
         yield from self._inputs.listen_to_trajectories(task)
@@ -283,6 +292,7 @@ class ControllerNode(ManagedNode):
         self._follow_tasks()
         yield
         self._live_parameters.forget(keys)
+        self._added.discard(task.name)
 
     def _follow_tasks(self) -> None:
         self._state.follow_tasks()

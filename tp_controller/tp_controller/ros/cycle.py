@@ -178,7 +178,7 @@ class Cycle:
                 refusal, command = error, error.command
             if again or self._age(arrival) <= told.limit or not tries_left:
                 break
-            newer = self.choice.take(self.running)
+            newer = self.choice.take(self.running, again=True)
             if newer is None:
                 break
             self._stack.undo()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Collection
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -10,6 +11,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from tp_controller.ros.joint_state_bytes import JointStateDecoder
+from tp_controller.ros.other_devices import OtherDevices
 from tp_controller.ros.polled import subscribe, taker
 from tp_controller.ros.state_watch import Arrival, StateWatch
 
@@ -27,11 +29,19 @@ class Intake:
     node
         The controller's node.
     watch
-        Judges every state that comes.
+        Judges every state of the robot that comes.
+    joints
+        Names of the robot's joints in joint states.
+
+    Attributes
+    ----------
+    others
+        Other devices that send joint states; `take` leaves theirs out.
     """
 
-    def __init__(self, node: Node, watch: StateWatch) -> None:
+    def __init__(self, node: Node, watch: StateWatch, joints: Collection[str]) -> None:
         self._watch = watch
+        self.others = OtherDevices(joints)
         self._decoder = JointStateDecoder()
         self._stored: list[tuple[bytes, dict[str, Any]]] = []
         self._emptied = time.monotonic()
@@ -56,7 +66,10 @@ class Intake:
             wait_set.wait(int(1e9 * seconds))
 
     def take(self) -> list[Arrival]:
-        """All states that wait, the newest last; without those that newer ones overtook."""
+        """All states that wait, the newest last; without those that newer ones overtook.
+
+        Those of other devices are left out, too.
+        """
         arrivals: list[Arrival] = []
         idle = time.monotonic() - self._emptied
         # More than the queue holds come only while they are taken.
@@ -66,7 +79,10 @@ class Intake:
                 break
             data, info = found
             taken = time.monotonic()
-            arrival = self._watch.arrive(self._decoder.read(data), info, taken, idle)
+            msg = self._decoder.read(data)
+            if self.others.sent(msg, taken):
+                continue
+            arrival = self._watch.arrive(msg, info, taken, idle)
             if arrival is not None:
                 arrivals.append(arrival)
         self._emptied = time.monotonic()

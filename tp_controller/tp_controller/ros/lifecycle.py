@@ -67,6 +67,10 @@ class ManagedNode(LifecycleNodeMixin, RobotNode):
     def close(self) -> None:
         """Let go what `start` made besides publishers, subscriptions, services and timers."""
 
+    def added(self, key: str) -> bool:
+        """Whether a parameter came while the node was configured, and counts in the next one."""
+        return False
+
     # Start
 
     def _start(self) -> None:
@@ -178,14 +182,14 @@ class ManagedNode(LifecycleNodeMixin, RobotNode):
         self._showing = self.make_timer(HEARTBEAT, partial(self.show_waiting, UNCONFIGURED))
 
     def _let_go_others(self, entities: dict[str, set[Any]]) -> None:
-        """Destroy entities made since these; undeclare parameters that were not given."""
+        """Destroy entities made since these; undeclare parameters that nobody gave or added."""
         for kind, before in entities.items():
             for entity in set(getattr(self, f'{kind}s')) - before:
                 getattr(self, f'destroy_{kind}')(entity)
         for key in given_parameters(self):
             # Everything may change now; rclpy has no call for that.
             self._descriptors[key] = ParameterDescriptor(name=key, dynamic_typing=True)
-            if key not in self._given:
+            if key not in self._given and not self.added(key):
                 self.undeclare_parameter(key)
 
     def _on_change_state(

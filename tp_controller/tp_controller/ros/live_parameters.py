@@ -8,10 +8,10 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from tp_controller.config import Settings, check_changes, controller_schema
+from tp_controller.config import ROS_OWN, Settings, check_changes, controller_schema
 from tp_controller.errors import InvalidValue
 from tp_controller.ros.log import Log
-from tp_controller.ros.parameters import ROS_OWN, describe_parameters
+from tp_controller.ros.parameters import describe_parameters
 from tp_controller.tasks import Task
 
 AT_ONCE = 5

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 
 from rclpy.node import Node
@@ -9,6 +10,7 @@ from rclpy.qos import ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
+from tp_controller.ros.other_devices import OtherDevices
 from tp_controller.ros.warnings import Warnings
 
 ROUNDING = 1e-9
@@ -28,12 +30,19 @@ class Neighbours:
         Full names of the topics.
     warnings
         Where they are told.
+    others
+        Other devices that publish joint states of their own.
     """
 
     def __init__(
-        self, node: Node, command_topic: str, state_topic: str, warnings: Warnings
+        self,
+        node: Node,
+        command_topic: str,
+        state_topic: str,
+        warnings: Warnings,
+        others: OtherDevices,
     ) -> None:
-        self._node = node
+        self._node, self._others = node, others
         self._topics = {
             command_topic: 'two controllers move one arm',
             state_topic: 'the arm jumps between two states',
@@ -51,9 +60,11 @@ class Neighbours:
     def look(self) -> None:
         """Look for them, and warn of those that are there for the second time in a row."""
         for topic, hazard in self._topics.items():
-            seen, several = self._found.get(topic, False), self._node.count_publishers(topic) > 1
-            self._found[topic] = several
-            if several and seen:
+            seen, count = self._found.get(topic, False), self._node.count_publishers(topic)
+            self._found[topic] = count > 1
+            # Each of the other devices has a publisher of its own.
+            others = self._others.count(time.monotonic()) if topic == self._state_topic else 0
+            if count - others > 1 and seen:
                 self._warnings.warn(topic, f'{topic} has {self._names(topic)}: {hazard}')
 
     def listen(self, subscriptions: Sequence[Subscription], share: float = 1.0) -> None:

@@ -8,10 +8,8 @@ from typing import Any
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
+from tp_controller.config import ROS_OWN
 from tp_controller.parameters import Flat, Parameter
-
-ROS_OWN = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
-"""Parameters that ROS 2 itself puts on every node."""
 
 
 def given_parameters(node: Node) -> Flat:

@@ -12,8 +12,8 @@ from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 
+from tp_controller.config import ROS_OWN
 from tp_controller.parameters import Flat
-from tp_controller.ros.parameters import ROS_OWN
 
 LOST = 5.0
 """Time [s] after which an answer is no longer waited for; all is asked for again."""

@@ -22,6 +22,7 @@ from tp_controller.ros.control import Control
 from tp_controller.ros.intake import Intake
 from tp_controller.ros.joint_states import JointStateValues
 from tp_controller.ros.lag import Lag
+from tp_controller.ros.other_devices import OtherDevices
 from tp_controller.ros.replayed_inputs import ReplayedInputs
 from tp_controller.ros.state_watch import Arrival, StateWatch
 from tp_controller.ros.warnings import Warnings
@@ -70,6 +71,7 @@ class _Intake:
 
     def __init__(self) -> None:
         self.waiting: list[Arrival] = []
+        self.others = OtherDevices(())
 
     def take(self) -> list[Arrival]:
         found, self.waiting = self.waiting, []

@@ -91,16 +91,20 @@ class StateChoice:
         """Whether the arm itself says that it moves."""
         return self.qd is not None and bool(np.max(np.abs(self.qd)) > AT_REST)
 
-    def take(self, running: bool) -> Arrival | None:
+    def take(self, running: bool, again: bool = False) -> Arrival | None:
         """Newest state that waits and can be used, read; those before it are skipped.
 
         Parameters
         ----------
         running
             Whether joint states are being answered.
+        again
+            Whether there is a state already, which is not answered yet.
         """
         arrivals = self._intake.take()
         if not arrivals:
+            if not again:
+                self._note_others(running)
             return None
         if note := self._watch.note():
             self._warnings.warn('clock', note)
@@ -121,14 +125,27 @@ class StateChoice:
             try:
                 self._read(arrival)
             except InvalidValue as error:
-                self._state.ignored_states += 1
-                self._warnings.warn('joint states', f'joint state ignored: {error}')
+                self._ignore(error)
                 continue
             skipped = sum(self._watch.differ(other, arrival) for other in arrivals[:older])
             self.unanswered += skipped
             self.behind = skipped > 0
             return arrival
         return None
+
+    def _note_others(self, running: bool) -> None:
+        """Tell of joint states of other devices while none of the robot comes."""
+        msg, self._intake.others.newest = self._intake.others.newest, None
+        if msg is None or running:
+            return
+        try:
+            self._reader.read(msg, self.q)
+        except InvalidValue as error:
+            self._ignore(error)
+
+    def _ignore(self, problem: InvalidValue) -> None:
+        self._state.ignored_states += 1
+        self._warnings.warn('joint states', f'joint state ignored: {problem}')
 
     def _too_long(self, arrival: Arrival, running: bool) -> bool:
         """Whether a state is a copy, and copies have moved the arm for too long."""

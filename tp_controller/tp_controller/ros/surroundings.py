@@ -62,7 +62,7 @@ class Surroundings:
         self._node, self._tasks, self._watch = node, settings.stack.tasks, watch
         self._inputs, self._intake, self._warnings = control.inputs, intake, warnings
         robot, commands, state = settings.stack.robot, control.commands, control.state.msg
-        self._neighbours = Neighbours(node, commands.topic, intake.topic, warnings)
+        self._neighbours = Neighbours(node, commands.topic, intake.topic, warnings, intake.others)
         self._receivers: Receivers | None = None
         if not is_stamped(settings.values['command.type']):
             interface = 'position' if control.positions else 'velocity'
