@@ -36,6 +36,8 @@ class Control:
 
     Attributes
     ----------
+    settings, intake, watch, warnings
+        As they were given.
     state, inputs, commands, cycle
         The parts.
     positions
@@ -57,7 +59,8 @@ class Control:
         found_rate: Callable[[float], object],
     ) -> None:
         values, stack = settings.values, settings.stack
-        self._settings, self._watch, self._found_rate = settings, watch, found_rate
+        self.settings, self.intake, self.watch, self.warnings = settings, intake, watch, warnings
+        self._found_rate = found_rate
         self.state = StateMessage(stack)
         self.inputs = TaskInputs(
             node, settings, self.state, warnings, watch.period, refuse_at_rest
@@ -85,8 +88,8 @@ class Control:
         )
 
     def _missing_rate(self) -> str:
-        stack = self._settings.stack
-        if self.positions and self._settings.values['rate'] is None:
+        stack = self.settings.stack
+        if self.positions and self.settings.values['rate'] is None:
             return (
                 'rate: got no value: the arm rests until it is found from the joint states, '
                 'command.type needs it'
@@ -98,7 +101,7 @@ class Control:
         return ''
 
     def _know_rate(self, rate: float) -> None:
-        know_rate(self._settings, rate)
-        self._watch.period = 1.0 / rate
+        know_rate(self.settings, rate)
+        self.watch.period = 1.0 / rate
         self.inputs.know_period(1.0 / rate)
         self._found_rate(rate)

@@ -91,11 +91,11 @@ class ControllerNode(ManagedNode):
 
         self._warnings = Warnings(self.log.warning, self.log.info)
         watch = StateWatch(limit, period, time.monotonic() - time.time())
-        self._intake = intake = Intake(self, watch, self._stack.robot.coordinates)
+        self._intake = Intake(self, watch, self._stack.robot.coordinates)
         control = Control(
             self,
             self._settings,
-            intake,
+            self._intake,
             watch,
             limit,
             self._warnings,
@@ -113,12 +113,8 @@ class ControllerNode(ManagedNode):
         self._positions = control.positions
         if control.missing_rate:
             self._warnings.warn('rate', control.missing_rate, lasting=not control.positions)
-        self._surroundings = Surroundings(
-            self, self._settings, control, intake, watch, self._diagnostics, self._warnings
-        )
-        self._publication = StatePublication(
-            self._state_publisher, control, intake, self._warnings, self._texts
-        )
+        self._surroundings = Surroundings(self, control, self._diagnostics)
+        self._publication = StatePublication(self._state_publisher, control, self._texts)
         self._heartbeat_at = -math.inf
         # Steady times [s] at which things are due.
         self._look_at = self._serve_at = self._served = -math.inf

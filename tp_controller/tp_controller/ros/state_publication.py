@@ -9,8 +9,6 @@ from collections.abc import Callable, Iterable
 from rclpy.publisher import Publisher
 
 from tp_controller.ros.control import Control
-from tp_controller.ros.intake import Intake
-from tp_controller.ros.warnings import Warnings
 
 LEAST_PERIOD = 0.01
 """Least time [s] between two states that are published without a cycle."""
@@ -27,12 +25,8 @@ class StatePublication:
         Where to.
     control
         The parts that the state tells of.
-    intake
-        Explanations wait for joint states.
-    warnings
-        Those that are present are told.
     texts
-        What is told beside them, first.
+        What is told before the warnings that are present.
 
     Attributes
     ----------
@@ -43,16 +37,11 @@ class StatePublication:
     """
 
     def __init__(
-        self,
-        publisher: Publisher,
-        control: Control,
-        intake: Intake,
-        warnings: Warnings,
-        texts: Callable[[], Iterable[str]],
+        self, publisher: Publisher, control: Control, texts: Callable[[], Iterable[str]]
     ) -> None:
-        self._publisher, self._intake = publisher, intake
+        self._publisher, self._intake = publisher, control.intake
         self._state, self._commands, self._cycle = control.state, control.commands, control.cycle
-        self._warnings, self._texts = warnings, texts
+        self._warnings, self._texts = control.warnings, texts
         self._published = -math.inf
         self.due = self.rearranged = False
 

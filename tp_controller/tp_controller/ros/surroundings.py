@@ -7,20 +7,16 @@ from typing import TYPE_CHECKING
 from rclpy.subscription import Subscription
 from visualization_msgs.msg import MarkerArray
 
-from tp_controller.config import Settings
 from tp_controller.ros.commands import is_stamped
 from tp_controller.ros.control import Control
 from tp_controller.ros.diagnostics import PERIOD as DIAGNOSTICS_PERIOD
 from tp_controller.ros.diagnostics import Diagnostics
-from tp_controller.ros.intake import Intake
 from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
 from tp_controller.ros.markers import Markers
 from tp_controller.ros.neighbours import Neighbours
 from tp_controller.ros.receivers import PERIOD as RECEIVER_PERIOD
 from tp_controller.ros.receivers import Receivers
 from tp_controller.ros.robot_node import RobotNode
-from tp_controller.ros.state_watch import StateWatch
-from tp_controller.ros.warnings import Warnings
 
 if TYPE_CHECKING:
     from tp_controller.ros.around import Around
@@ -38,7 +34,7 @@ class Surroundings:
     ----------
     node
         The controller's node.
-    settings, control, intake, watch, warnings
+    control
         Its parts.
     diagnostics
         Tell of them.
@@ -49,17 +45,9 @@ class Surroundings:
         Goes ways around, which the markers show; None before it is there.
     """
 
-    def __init__(
-        self,
-        node: RobotNode,
-        settings: Settings,
-        control: Control,
-        intake: Intake,
-        watch: StateWatch,
-        diagnostics: Diagnostics,
-        warnings: Warnings,
-    ) -> None:
-        self._node, self._tasks, self._watch = node, settings.stack.tasks, watch
+    def __init__(self, node: RobotNode, control: Control, diagnostics: Diagnostics) -> None:
+        settings, intake, warnings = control.settings, control.intake, control.warnings
+        self._node, self._tasks, self._watch = node, settings.stack.tasks, control.watch
         self._inputs, self._intake, self._warnings = control.inputs, intake, warnings
         robot, commands, state = settings.stack.robot, control.commands, control.state.msg
         self._neighbours = Neighbours(node, commands.topic, intake.topic, warnings, intake.others)
@@ -73,9 +61,8 @@ class Surroundings:
         self._state, self._publisher = state, node.create_publisher(MarkerArray, '~/markers', 10)
         node.make_timer(MARKER_PERIOD, self._publish_markers)
         node.make_timer(NEIGHBOUR_PERIOD, self._look_for_neighbours)
-        diagnostics.begin(
-            settings.stack, state, settings.values['rate'], watch, commands, warnings
-        )
+        rate = settings.values['rate']
+        diagnostics.begin(settings.stack, state, rate, control.watch, commands, warnings)
         node.make_timer(DIAGNOSTICS_PERIOD, diagnostics.tick)
 
     def follow_tasks(self) -> None:
