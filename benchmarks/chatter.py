@@ -14,8 +14,8 @@ from rich.console import Console
 from rich.table import Table
 
 from tp_controller.config import build_settings, read_parameter_file
+from tp_sim.long_runs import run
 from tp_sim.settings import build_simulator_settings
-from tp_sim.stress import run
 
 CONFIG = Path(__file__).resolve().parent.parent / 'config' / 'b3_pressed.yaml'
 SETS = ('joint_1_range', 'obstacle_1', 'obstacle_2', 'obstacle_3')

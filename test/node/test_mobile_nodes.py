@@ -5,7 +5,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from tp_sim.harness import ClosedLoop, HarnessError
-from tp_sim.stress import run_all
+from tp_sim.long_runs import run_all
 
 COORDINATES = ['base/x', 'base/y', 'base/yaw', 'joint_1', 'joint_2']
 VELOCITIES = ['base/forward', 'base/yaw', 'joint_1', 'joint_2']

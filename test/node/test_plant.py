@@ -10,7 +10,8 @@ from tp_controller import read_parameter_file
 from tp_controller.errors import InvalidValue
 from tp_controller.robot import Limits
 from tp_sim.integrator import Integrator
-from tp_sim.plant import Plant, PlantSettings
+from tp_sim.plant import Plant
+from tp_sim.plant_settings import PlantSettings
 from tp_sim.rigid_body import RigidBodies
 from tp_sim.settings import build_simulator_settings
 

@@ -13,7 +13,7 @@ from tp_controller.ros import receivers
 from tp_controller.ros.commands import CommandPublisher
 from tp_controller.ros.receivers import Receivers
 from tp_sim.harness import Client, PrivateDomain
-from tp_sim.harness.client import TIMEOUT
+from tp_sim.harness.messenger import TIMEOUT
 
 ROBOT = SimpleNamespace(joints=['a', 'b'], n=2, base_frame='base')
 TOPIC = 'joint_velocity_command'

@@ -10,7 +10,8 @@ from tp_controller.errors import InvalidValue
 from tp_controller.robot import Limits, dh_robot, read_description, urdf_robot
 from tp_controller.robot.description import dh_description
 from tp_controller.robot.dh import DHParameters
-from tp_sim.plant import Plant, PlantSettings
+from tp_sim.plant import Plant
+from tp_sim.plant_settings import PlantSettings
 from tp_sim.rigid_body import RigidBodies, ServoSettings
 from tp_sim.settings import read_simulator_parameters
 

@@ -12,9 +12,10 @@ from tp_controller.robot import Limits
 from tp_controller.solvers import SOLVER_TYPES
 from tp_sim import stress
 from tp_sim.integrator import Integrator
-from tp_sim.plant import Plant, PlantSettings
+from tp_sim.long_runs import declaration, run
+from tp_sim.plant import Plant
+from tp_sim.plant_settings import PlantSettings
 from tp_sim.settings import build_simulator_settings
-from tp_sim.stress import declaration, run
 from tp_sim.watch import Watch
 
 STEPS = 1500

@@ -15,7 +15,8 @@ from tp_controller.braking import held_speed
 from tp_controller.errors import UnusableState
 from tp_controller.robot import Limits, Response
 from tp_sim.integrator import Integrator
-from tp_sim.plant import Plant, PlantSettings
+from tp_sim.plant import Plant
+from tp_sim.plant_settings import PlantSettings
 
 CONFIG = Path(__file__).parents[2] / 'config'
 RATE = 100.0

@@ -1,6 +1,7 @@
 """When a joint state is answered that comes right after a command of braking."""
 
 import math
+import time
 from array import array
 from types import SimpleNamespace
 
@@ -10,7 +11,6 @@ from builtin_interfaces.msg import Time
 from small_arms import planar_block
 
 from tp_controller import build_settings
-from tp_controller.ros import cycle as module
 from tp_controller.ros.answered_time import AnsweredTime
 from tp_controller.ros.cycle import Cycle
 from tp_controller.ros.joint_states import JointStateValues
@@ -49,11 +49,7 @@ class Loop:
 
     def __init__(self, monkeypatch):
         self.now = 100.0
-        clock = SimpleNamespace(
-            monotonic=lambda: self.now, perf_counter=lambda: self.now, sleep=lambda _: None
-        )
-        monkeypatch.setattr(module, 'time', clock)
-        monkeypatch.setattr(f'{module.__package__}.lateness.time.monotonic', lambda: self.now)
+        monkeypatch.setattr(time, 'monotonic', lambda: self.now)
         limits = {'velocity': [2.0], 'acceleration': [ACCELERATION]}
         aim = {'type': 'joint', 'joints': ['joint_1', 'joint_2'], 'target': [50.0, 0.0]}
         stack = build_settings(
@@ -115,7 +111,7 @@ def test_a_state_right_after_a_command_of_braking_waits_for_most_of_a_period(mon
     assert loop.watch.paced
     while not loop.cycle.look():
         loop.pass_time(PERIOD)
-    loop.cycle.brake()
+    loop.cycle.braking.send_next()
     braked = loop.now
     loop.pass_time(after * PERIOD)
     loop.tell()

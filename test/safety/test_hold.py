@@ -16,7 +16,8 @@ from tp_controller.parameters import flatten
 from tp_controller.robot import Limits
 from tp_controller.solvers import SOLVER_TYPES
 from tp_sim.integrator import Integrator
-from tp_sim.plant import Plant, PlantSettings
+from tp_sim.plant import Plant
+from tp_sim.plant_settings import PlantSettings
 
 CONFIG = Path(__file__).parents[2] / 'config'
 RATE = 100.0

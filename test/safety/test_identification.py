@@ -12,7 +12,8 @@ from tp_controller.identification import Fit, fit_response
 from tp_controller.measuring import block, braked, directions, pulses
 from tp_controller.robot import Limits
 from tp_sim.integrator import Integrator
-from tp_sim.plant import Plant, PlantSettings
+from tp_sim.plant import Plant
+from tp_sim.plant_settings import PlantSettings
 
 periods = st.sampled_from([0.004, 0.01, 1.0 / 60.0, 0.02])
 limits = st.floats(0.05, 10.0) | st.just(np.inf)

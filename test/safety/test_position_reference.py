@@ -10,7 +10,8 @@ from tp_controller import InvalidValue, UnusableState, build_settings, read_para
 from tp_controller.position_reference import OTHER_ORDER, PositionReference
 from tp_controller.robot import Limits
 from tp_sim.integrator import Integrator
-from tp_sim.plant import Plant, PlantSettings
+from tp_sim.plant import Plant
+from tp_sim.plant_settings import PlantSettings
 
 RATE = 100.0
 T = 1.0 / RATE

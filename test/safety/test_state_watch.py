@@ -8,7 +8,8 @@ from builtin_interfaces.msg import Time
 
 from tp_controller.ros.feedforward import FeedforwardOverrides
 from tp_controller.ros.joint_states import JointStateValues, RateCheck
-from tp_controller.ros.state_watch import Lag, StateWatch
+from tp_controller.ros.lag import Lag
+from tp_controller.ros.state_watch import StateWatch
 from tp_controller.ros.warnings import Warnings
 
 LIMIT = 0.1

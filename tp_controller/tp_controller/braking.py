@@ -72,18 +72,9 @@ def _return_speed(outside, speed, dt):  # type: ignore[no-untyped-def]
     prepared=True,
 )
 def bound(  # type: ignore[no-untyped-def]
-    q,
-    before,
-    speed,
-    position_min,
-    position_max,
-    acceleration,
-    dt,
-    range_lower,
-    range_upper,
-    soon_lower,
-    soon_upper,
-):
+    q, before, speed, position_min, position_max, acceleration, dt, range_lower, range_upper,
+    soon_lower, soon_upper,
+):  # fmt: skip
     """Fill the bounds (n,) on the velocities of the next step.
 
     Where they cannot all be kept, because a limit was changed or the state is not of this
@@ -191,46 +182,16 @@ def held_speed(distance, change, dt, period, held, joint, sign):  # type: ignore
 
 @njit(
     void(
-        COLUMN,
-        COLUMN,
-        FIXED,
-        FIXED,
-        FIXED,
-        FIXED,
-        float64,
-        float64,
-        FIXED,
-        COLUMN,
-        COLUMN,
-        ROWS,
-        ROWS,
-        COLUMN,
-        COLUMN,
-        COLUMN,
-        COLUMN,
+        COLUMN, COLUMN, FIXED, FIXED, FIXED, FIXED, float64, float64, FIXED, COLUMN, COLUMN, ROWS,
+        ROWS, COLUMN, COLUMN, COLUMN, COLUMN,
     ),
     cache=True,
     prepared=True,
-)
+)  # fmt: skip
 def bound_late(  # type: ignore[no-untyped-def]
-    p,
-    before,
-    speed,
-    position_min,
-    position_max,
-    acceleration,
-    dt,
-    period,
-    noise,
-    upper,
-    lower,
-    held_upper,
-    held_lower,
-    range_lower,
-    range_upper,
-    soon_lower,
-    soon_upper,
-):
+    p, before, speed, position_min, position_max, acceleration, dt, period, noise, upper, lower,
+    held_upper, held_lower, range_lower, range_upper, soon_lower, soon_upper,
+):  # fmt: skip
     """As `bound` for joints that are late.
 
     Parameters

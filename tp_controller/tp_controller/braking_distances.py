@@ -37,42 +37,16 @@ def require(lowest, distance, clear, leeway, required, leeways):  # type: ignore
 
 @njit(
     int64(
-        COLUMN,
-        COLUMN,
-        FIXED,
-        FIXED,
-        FIXED,
-        float64,
-        boolean,
-        COLUMN,
-        COLUMN,
-        COLUMN,
-        ROWS,
-        COLUMN,
-        COLUMN,
-        boolean[::1],
-        COLUMN,
+        COLUMN, COLUMN, FIXED, FIXED, FIXED, float64, boolean, COLUMN, COLUMN, COLUMN, ROWS,
+        COLUMN, COLUMN, boolean[::1], COLUMN,
     ),
     cache=True,
     prepared=True,
-)
+)  # fmt: skip
 def doubts(  # type: ignore[no-untyped-def]
-    q,
-    command,
-    position_min,
-    position_max,
-    acceleration,
-    dt,
-    together,
-    distance,
-    required,
-    clear,
-    reach,
-    rest,
-    spare,
-    doubtful,
-    found,
-):
+    q, command, position_min, position_max, acceleration, dt, together, distance, required, clear,
+    reach, rest, spare, doubtful, found,
+):  # fmt: skip
     """Find distances that could become too small until the arm has stopped.
 
     Parameters

@@ -9,53 +9,20 @@ import math
 
 from tp_controller.arm_state import V_HIGH, V_LOW, P, V, Z
 from tp_controller.array_types import COLUMN, FIXED, ROWS
-from tp_controller.commands_under_way import SLIVER
-from tp_controller.compiled import boolean, float64, int64, njit
+from tp_controller.commands_under_way import ARM, SENT, SLIVER
+from tp_controller.compiled import boolean, float64, njit
 
 
 @njit(
     boolean(
-        float64,
-        COLUMN,
-        ROWS,
-        int64,
-        FIXED,
-        FIXED,
-        float64,
-        float64,
-        float64,
-        FIXED,
-        COLUMN,
-        ROWS,
-        FIXED,
-        FIXED,
-        COLUMN,
-        COLUMN,
-        COLUMN,
-        COLUMN,
+        *SENT, *ARM, float64, float64, FIXED, COLUMN, ROWS, FIXED, FIXED, *[COLUMN] * 4,
     ),
     cache=True,
-)
+)  # fmt: skip
 def line(  # type: ignore[no-untyped-def]
-    now,
-    times,
-    commands,
-    head,
-    delay,
-    lag,
-    hold,
-    period,
-    step,
-    acceleration,
-    command,
-    state,
-    position_min,
-    position_max,
-    start,
-    way,
-    tube,
-    span,
-):
+    now, times, commands, head, delay, lag, hold, period, step, acceleration, command, state,
+    position_min, position_max, start, way, tube, span,
+):  # fmt: skip
     """Straight line along which the arm moves from now on until it has braked to rest.
 
     Whatever is carried out when, and how late, the arm stays within ``tube`` of a point of

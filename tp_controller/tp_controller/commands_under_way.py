@@ -18,6 +18,12 @@ from tp_controller.compiled import boolean, float64, int64, njit, void
 
 SLIVER = 1e-6
 """Times [steps] that differ by less are the same."""
+SENT = (float64, COLUMN, ROWS, int64)
+"""Types of ``now, times, commands, head``."""
+ARM = (FIXED, FIXED, float64)
+"""Types of ``delay, lag, hold``."""
+REACH = (COLUMN, COLUMN, ROWS, ROWS)
+"""Types of ``upper, lower, held_upper, held_lower``."""
 
 
 @njit(
@@ -92,41 +98,11 @@ def refer(now, times, commands, head, delay, lag, period, state):  # type: ignor
         state[Z, i] = z
 
 
-@njit(
-    void(
-        float64,
-        COLUMN,
-        ROWS,
-        int64,
-        FIXED,
-        FIXED,
-        float64,
-        float64,
-        float64,
-        ROWS,
-        COLUMN,
-        COLUMN,
-        ROWS,
-        ROWS,
-    ),
-    cache=True,
-)
+@njit(void(*SENT, *ARM, float64, float64, ROWS, *REACH), cache=True)
 def farthest(  # type: ignore[no-untyped-def]
-    now,
-    times,
-    commands,
-    head,
-    delay,
-    lag,
-    hold,
-    period,
-    step,
-    state,
-    upper,
-    lower,
-    held_upper,
-    held_lower,
-):
+    now, times, commands, head, delay, lag, hold, period, step, state,
+    upper, lower, held_upper, held_lower,
+):  # fmt: skip
     """How far the arm may get with what was sent.
 
     Parameters
@@ -168,45 +144,14 @@ def farthest(  # type: ignore[no-untyped-def]
 
 
 @njit(
-    void(
-        float64,
-        COLUMN,
-        ROWS,
-        int64,
-        FIXED,
-        FIXED,
-        float64,
-        boolean,
-        boolean,
-        float64,
-        float64,
-        ROWS,
-        COLUMN,
-        COLUMN,
-        ROWS,
-        ROWS,
-    ),
+    void(*SENT, *ARM, boolean, boolean, float64, float64, ROWS, *REACH),
     cache=True,
     prepared=True,
 )
 def expect(  # type: ignore[no-untyped-def]
-    now,
-    times,
-    commands,
-    head,
-    delay,
-    lag,
-    hold,
-    exact,
-    ideal,
-    period,
-    step,
-    state,
-    upper,
-    lower,
-    held_upper,
-    held_lower,
-):
+    now, times, commands, head, delay, lag, hold, exact, ideal, period, step, state,
+    upper, lower, held_upper, held_lower,
+):  # fmt: skip
     """Fill the row `Z`, and for an arm that is not ideal how far it may get.
 
     Parameters

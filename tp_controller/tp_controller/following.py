@@ -9,7 +9,7 @@ import math
 
 from tp_controller.arm_state import FASTEST, PARTED, V_HIGH, V_LOW, P, Q, V, Z
 from tp_controller.array_types import COLUMN, FIXED, ROWS
-from tp_controller.commands_under_way import advance, expect
+from tp_controller.commands_under_way import ARM, REACH, advance, expect
 from tp_controller.compiled import boolean, float64, int64, njit, void
 
 ROUNDING = 1e-9
@@ -60,12 +60,9 @@ def judge(q, passed, command, limit, noise, period, times, least, farthest, stat
         float64,
         COLUMN,
         FIXED,
-        float64,
-        float64,
-        float64,
+        *[float64] * 3,
         boolean,
-        float64,
-        float64,
+        *[float64] * 2,
         COLUMN,
         ROWS,
         COLUMN,
@@ -73,20 +70,9 @@ def judge(q, passed, command, limit, noise, period, times, least, farthest, stat
     cache=True,
 )
 def correct(  # type: ignore[no-untyped-def]
-    q,
-    passed,
-    command,
-    noise,
-    memory,
-    parted,
-    allowed,
-    ideal,
-    period,
-    slower,
-    before,
-    state,
+    q, passed, command, noise, memory, parted, allowed, ideal, period, slower, before, state,
     result,
-):
+):  # fmt: skip
     """Bring the model to within the noise of a measured position, and see how far that is.
 
     Parameters
@@ -134,58 +120,16 @@ def correct(  # type: ignore[no-untyped-def]
 
 @njit(
     int64(
-        COLUMN,
-        float64,
-        int64,
-        float64,
-        FIXED,
-        COLUMN,
-        float64,
-        COLUMN,
-        ROWS,
-        FIXED,
-        FIXED,
-        FIXED,
-        float64,
-        boolean,
-        boolean,
-        float64,
-        FIXED,
-        ROWS,
-        COLUMN,
-        COLUMN,
-        COLUMN,
-        ROWS,
-        ROWS,
+        COLUMN, float64, int64, float64, FIXED, COLUMN, float64, COLUMN, ROWS, FIXED, FIXED, FIXED,
+        float64, boolean, boolean, float64, FIXED, ROWS, COLUMN, *REACH,
     ),
     cache=True,
     prepared=True,
-)
+)  # fmt: skip
 def follow(  # type: ignore[no-untyped-def]
-    q,
-    now,
-    head,
-    step,
-    limit,
-    before,
-    passed,
-    times,
-    commands,
-    delay,
-    lag,
-    noise,
-    hold,
-    ideal,
-    exact,
-    period,
-    tolerances,
-    state,
-    result,
-    upper,
-    lower,
-    held_upper,
-    held_lower,
-):
+    q, now, head, step, limit, before, passed, times, commands, delay, lag, noise, hold, ideal,
+    exact, period, tolerances, state, result, upper, lower, held_upper, held_lower,
+):  # fmt: skip
     """Go on to a measured position (n,): `advance`, `judge`, `correct` and `expect`.
 
     Parameters
@@ -234,56 +178,16 @@ def follow(  # type: ignore[no-untyped-def]
 
 @njit(
     int64(
-        COLUMN,
-        float64,
-        int64,
-        float64,
-        FIXED,
-        COLUMN,
-        boolean,
-        COLUMN,
-        COLUMN,
-        ROWS,
-        FIXED,
-        FIXED,
-        float64,
-        boolean,
-        boolean,
-        float64,
-        float64,
-        ROWS,
-        COLUMN,
-        COLUMN,
-        ROWS,
-        ROWS,
+        COLUMN, float64, int64, float64, FIXED, COLUMN, boolean, COLUMN, COLUMN, ROWS, *ARM,
+        boolean, boolean, float64, float64, ROWS, *REACH,
     ),
     cache=True,
     prepared=True,
-)
+)  # fmt: skip
 def begin(  # type: ignore[no-untyped-def]
-    q,
-    now,
-    head,
-    step,
-    limit,
-    before,
-    moves,
-    qd,
-    times,
-    commands,
-    delay,
-    lag,
-    hold,
-    ideal,
-    exact,
-    period,
-    highest,
-    state,
-    upper,
-    lower,
-    held_upper,
-    held_lower,
-):
+    q, now, head, step, limit, before, moves, qd, times, commands, delay, lag, hold, ideal, exact,
+    period, highest, state, upper, lower, held_upper, held_lower,
+):  # fmt: skip
     """Begin at a measured position (n,).
 
     Parameters

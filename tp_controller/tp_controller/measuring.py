@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import InvalidValue
+from tp_controller.errors import InvalidValue, TaskPriorityError
 from tp_controller.identification import Fit
 from tp_controller.robot import Limits
 
@@ -26,6 +26,14 @@ ROOM = 1.5
 """So many times the amplitude has to be free in the joint's range."""
 SAFETY = 1.2
 """So many times the noise that was seen is told, as it was seen for a short time only."""
+
+
+class Refused(TaskPriorityError):
+    """The measurement cannot begin."""
+
+
+class Ended(TaskPriorityError):
+    """The measurement was ended before it was done."""
 
 
 def pulses(amplitude: float, speed: float, acceleration: float, period: float) -> Vector:

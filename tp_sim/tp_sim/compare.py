@@ -6,8 +6,6 @@ configuration, the integrator moves the joints.
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -20,16 +18,13 @@ from rich.table import Table
 
 from tp_controller.command_line import OneLineParser
 from tp_controller.config import build_settings, read_parameter_file
-from tp_controller.errors import InvalidValue, TaskPriorityError
+from tp_controller.errors import InvalidValue
 from tp_controller.parameters import Flat
 from tp_controller.robot import Space
 from tp_controller.solvers import SOLVER_TYPES
 from tp_controller.stack import Stack
 from tp_sim.demo.script import Circle, Goal, goal_text, read_script
 from tp_sim.settings import build_simulator_settings
-
-REFUSED = 2
-INTERRUPTED = 130
 
 
 class Outcome(NamedTuple):
@@ -57,20 +52,10 @@ def main() -> int:
     int
         Exit status: 0, 2 if the file cannot be used, 130 after Ctrl-C.
     """
-    arguments = _parser().parse_args()
-    console = Console()
-    try:
-        compare(arguments.config, arguments.schemes, console)
-    except TaskPriorityError as error:
-        print(f'compare: {error}', file=sys.stderr)
-        return REFUSED
-    except KeyboardInterrupt:
-        print('compare: interrupted', file=sys.stderr)
-        return INTERRUPTED
-    return 0
+    return _parser().run(lambda given: compare(given.config, given.schemes, Console()))
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog='compare',
         description='Run the goals that a parameter file lists under tp_demo, each from the '

@@ -2,48 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tp_controller.errors import InvalidValue, plural, shown
+from tp_controller.errors import InvalidValue, shown
 from tp_controller.robot import Limits, Space
+from tp_sim.plant_settings import PlantSettings
 
 Vector = NDArray[np.float64]
-Values = float | Sequence[float] | Vector
-"""One value for all joints or one per joint (n,)."""
 
 ROUNDING = 1e-9
 """Share of a step by which a time may seem longer than it is."""
 LEAST_LAG = 1e-9
 """A lag [s] below this one is none."""
-LONGEST_DELAY = 1000
-"""Delay [steps] that may be asked for."""
-
-
-class PlantSettings(NamedTuple):
-    """What a simulated arm is like; the defaults are the ideal one."""
-
-    delay: int = 0
-    """A command acts so many whole steps after the one that it was given in."""
-    lag: Values = 0.0
-    """Time constant [s] with which the velocity follows the command."""
-    noise: Values = 0.0
-    """Amplitude of the noise in measured positions [rad, m], a bound; see `Plant.measured`."""
-    scale: Values = 1.0
-    """Measured positions and velocities are the true ones times this."""
-    quantum: Values = 0.0
-    """Step [rad, m] that measured positions are rounded to."""
-    command_loss: float = 0.0
-    """Probability that a command does not arrive."""
-    state_loss: float = 0.0
-    """Probability that the state after a step does not arrive."""
-    seed: int = 0
-    """Of the noise and the losses."""
 
 
 class Joints(Protocol):
@@ -140,9 +115,9 @@ class Plant:
             For a negative or non-finite value, a scale that is not above zero, a loss outside
             0 to 1 or a wrong number of values.
         """
-        check_plant(settings)
+        settings.check()
         for key in ('lag', 'noise', 'quantum', 'scale'):
-            values = self._spread(settings, key)
+            values = settings.spread(key, self._n)
             if key == 'scale' and not np.all(values > 0.0):
                 raise InvalidValue('plant.scale', shown(settings.scale), 'numbers above 0')
 
@@ -156,23 +131,13 @@ class Plant:
         """
         self.check(settings)
         self._lag, self._amplitude, self._quantum, self._scale = (
-            self._spread(settings, key) for key in ('lag', 'noise', 'quantum', 'scale')
+            settings.spread(key, self._n) for key in ('lag', 'noise', 'quantum', 'scale')
         )
         self._lags, self._noisy = bool(self._lag.any()), bool(self._amplitude.any())
         self._scaled, self._rounded = bool(np.any(self._scale != 1.0)), bool(self._quantum.any())
         if settings.seed != self.settings.seed:
             self._seed(settings.seed)
         self.settings = settings
-
-    def _spread(self, settings: PlantSettings, key: str) -> Vector:
-        given = getattr(settings, key)
-        values = np.array(given, dtype=float).reshape(-1)
-        if values.size not in (1, self._n):
-            accepts = '1 value' if self._n == 1 else f'1 value or {self._n}, one per joint'
-            raise InvalidValue(f'plant.{key}', plural(values.size, 'value'), accepts)
-        if not np.all(np.isfinite(values)) or np.any(values < 0.0):
-            raise InvalidValue(f'plant.{key}', shown(given), 'finite numbers of at least 0')
-        return np.broadcast_to(values, (self._n,)).copy()
 
     def _seed(self, seed: int) -> None:
         # One stream for each use: a loss more does not change the noise.
@@ -338,26 +303,3 @@ class Plant:
         """
         self.joints.reset(q)
         self._rest()
-
-
-def check_plant(settings: PlantSettings) -> None:
-    """Check what can be checked without knowing the number of joints.
-
-    Raises
-    ------
-    InvalidValue
-        For a delay or seed that is not a whole number, or a loss outside 0 to 1.
-    """
-    _check_whole('plant.delay', settings.delay, LONGEST_DELAY)
-    _check_whole('plant.seed', settings.seed)
-    for key in ('command_loss', 'state_loss'):
-        value = getattr(settings, key)
-        if not 0.0 <= value <= 1.0:
-            raise InvalidValue(f'plant.{key}', shown(value), 'a number from 0 to 1')
-
-
-def _check_whole(key: str, value: float, most: int | None = None) -> None:
-    number = not isinstance(value, bool) and math.isfinite(value) and value == int(value)
-    if not number or value < 0 or (most is not None and value > most):
-        accepts = 'a whole number of at least 0' if most is None else f'a whole number to {most}'
-        raise InvalidValue(key, shown(value), accepts)

@@ -17,7 +17,7 @@ from tp_controller.robot import Robot
 from tp_controller.robot.package_files import KEY
 from tp_controller.robot.urdf import numbers
 from tp_sim.integrator import Integrator
-from tp_sim.plant import Values
+from tp_sim.plant_settings import Values
 
 Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]

@@ -46,21 +46,11 @@ def solve(A, x):  # type: ignore[no-untyped-def]
 
 @njit(
     void(
-        TABLE,
-        COLUMN,
-        COLUMN,
-        float64,
-        float64,
-        COLUMN,
-        COLUMN,
-        COLUMN,
-        float64,
-        float64,
-        COLUMN,
+        TABLE, COLUMN, COLUMN, float64, float64, COLUMN, COLUMN, COLUMN, float64, float64, COLUMN,
         COLUMN,
     ),
     cache=True,
-)
+)  # fmt: skip
 def drive(  # type: ignore[no-untyped-def]
     M, h, aim, bandwidth, integral, viscous, coulomb, effort, sticking, dt, wanting, qd
 ):

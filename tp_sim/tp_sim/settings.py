@@ -21,12 +21,15 @@ from tp_controller.parameters import (
 )
 from tp_controller.robot import Limits, Robot, Space
 from tp_sim.integrator import Integrator, Vector
-from tp_sim.plant import Joints, Plant, PlantSettings, check_plant
+from tp_sim.plant import Joints, Plant
+from tp_sim.plant_settings import PlantSettings
 from tp_sim.rigid_body import RigidBodies, ServoSettings
 
 KINEMATIC, RIGID_BODY = 'kinematic', 'rigid_body'
 IDEAL = PlantSettings()
 SERVO = ServoSettings()
+PER_JOINT = ('lag', 'noise', 'scale', 'quantum')
+"""Parameters ``plant.…`` with one value or one per joint."""
 
 PLANT: Mapping[str, Parameter] = {
     'plant.type': Parameter(
@@ -36,62 +39,26 @@ PLANT: Mapping[str, Parameter] = {
         default=KINEMATIC,
         choices=(KINEMATIC, RIGID_BODY),
     ),
-    'plant.delay': Parameter(
-        NUMBER,
-        'Whole cycles after which a command acts',
-        default=IDEAL.delay,
-        minimum=0.0,
-        runtime=True,
-    ),
-    'plant.lag': Parameter(
-        NUMBERS,
-        'Time constant [s] of a first-order lag of the velocity, one value or one per joint',
-        default=(IDEAL.lag,),
-        minimum=0.0,
-        runtime=True,
-    ),
-    'plant.noise': Parameter(
-        NUMBERS,
-        'Largest noise [rad, m] of a measured position, uniform, one value or one per joint',
-        default=(IDEAL.noise,),
-        minimum=0.0,
-        runtime=True,
-    ),
-    'plant.scale': Parameter(
-        NUMBERS,
-        'Measured over true position and velocity, one value or one per joint',
-        default=(IDEAL.scale,),
-        above=0.0,
-        runtime=True,
-    ),
-    'plant.quantum': Parameter(
-        NUMBERS,
-        'Step [rad, m] that measured positions are rounded to, one value or one per joint',
-        default=(IDEAL.quantum,),
-        minimum=0.0,
-        runtime=True,
-    ),
-    'plant.command_loss': Parameter(
-        NUMBER,
-        'Probability that a command is lost; the last one stays in force',
-        default=IDEAL.command_loss,
-        minimum=0.0,
-        runtime=True,
-    ),
-    'plant.state_loss': Parameter(
-        NUMBER,
-        'Probability that a joint state is lost; below 1 in lockstep',
-        default=IDEAL.state_loss,
-        minimum=0.0,
-        runtime=True,
-    ),
-    'plant.seed': Parameter(
-        NUMBER,
-        'Of the noise and the losses; a new one begins them anew',
-        default=IDEAL.seed,
-        minimum=0.0,
-        runtime=True,
-    ),
+    **{
+        f'plant.{key}': Parameter(
+            NUMBERS if key in PER_JOINT else NUMBER,
+            description + (', one value or one per joint' if key in PER_JOINT else ''),
+            default=(getattr(IDEAL, key),) if key in PER_JOINT else getattr(IDEAL, key),
+            minimum=None if key == 'scale' else 0.0,
+            above=0.0 if key == 'scale' else None,
+            runtime=True,
+        )
+        for key, description in (
+            ('delay', 'Whole cycles after which a command acts'),
+            ('lag', 'Time constant [s] of a first-order lag of the velocity'),
+            ('noise', 'Largest noise [rad, m] of a measured position, uniform'),
+            ('scale', 'Measured over true position and velocity'),
+            ('quantum', 'Step [rad, m] that measured positions are rounded to'),
+            ('command_loss', 'Probability that a command is lost; the last one stays in force'),
+            ('state_loss', 'Probability that a joint state is lost; below 1 in lockstep'),
+            ('seed', 'Of the noise and the losses; a new one begins them anew'),
+        )
+    },
     'plant.blocked': Parameter(
         BOOLEAN, 'The joints stand still; joint states go on', default=False, runtime=True
     ),
@@ -237,9 +204,9 @@ def check_plant_values(values: Mapping[str, Any]) -> None:
     Raises
     ------
     InvalidValue
-        As `check_plant`; in lockstep if no joint state would ever come.
+        As `PlantSettings.check`; in lockstep if no joint state would ever come.
     """
-    check_plant(plant_settings(values))
+    plant_settings(values).check()
     if values['lockstep'] and values['plant.state_loss'] == 1.0:
         raise InvalidValue('plant.state_loss', '1', 'a number below 1 in lockstep')
     if values['lockstep'] and values['plant.silent']:
@@ -249,7 +216,7 @@ def check_plant_values(values: Mapping[str, Any]) -> None:
 def plant_settings(values: Mapping[str, Any]) -> PlantSettings:
     """Settings of a plant out of read parameters by dotted key."""
     found = PlantSettings(*(values[f'plant.{key}'] for key in PlantSettings._fields))
-    # Numbers of a parameter file may be whole or not; `check_plant` looks at that.
+    # Numbers of a parameter file may be whole or not; `check` looks at that.
     return found._replace(
         **{
             key: int(value)
@@ -265,11 +232,7 @@ def _servo_settings(values: Mapping[str, Any]) -> ServoSettings:
 
 
 def build_plant(
-    values: Flat,
-    robot: Robot,
-    description: str,
-    q: Sequence[float] | Vector,
-    stops: bool = True,
+    values: Flat, robot: Robot, description: str, q: Sequence[float] | Vector, stops: bool = True
 ) -> Plant:
     """Build a simulated arm of read parameters.
 

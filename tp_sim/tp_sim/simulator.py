@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import Clock, ClockType
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -84,13 +83,12 @@ class SimulatorNode(RobotNode):
             # From the topic it is there already, by whoever knows the robot.
             self._description_publisher = self.create_publisher(String, TOPIC, TOPIC_QOS)
             self._description_publisher.publish(String(data=settings.description))
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._publisher = self.create_publisher(JointState, 'joint_states', QUEUE_DEPTH)
         self._truth = self.create_publisher(JointState, '~/true_joint_states', QUEUE_DEPTH)
         # Held by whoever uses the plant, or changes what `RealTime`'s thread does.
         self._lock = threading.Lock()
         self._listen_for(values['command.type'] or COMMAND_TYPES[0])
-        self.create_timer(0.1, self._look_at_publishers, clock=steady)
+        self.make_timer(0.1, self._look_at_publishers)
         self.create_service(Reset, '~/reset', self._on_reset)
         # The other callbacks, another step among them, go on while a run is awaited.
         self.create_service(Step, '~/step', self._on_step, callback_group=ReentrantCallbackGroup())
@@ -106,10 +104,10 @@ class SimulatorNode(RobotNode):
                 self._plant.state_lost,
                 values['paused'],
             )
-            self.create_timer(0.1, self._repeat, clock=steady)
+            self.make_timer(0.1, self._repeat)
         else:
             self._real_time = RealTime(self._dt, self._steps, self.get_logger().warning)
-            self.create_timer(0.1, self._real_time.check, clock=steady)
+            self.make_timer(0.1, self._real_time.check)
         self.add_on_set_parameters_callback(self._check_changes)
         self.add_post_set_parameters_callback(self._change)
         self.get_logger().info(

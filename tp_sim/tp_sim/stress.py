@@ -1,61 +1,26 @@
-"""Executable that sends an arm to random goals for a long time and counts broken limits.
-
-It computes what the nodes do in lockstep, without processes and topics. Goals are drawn from
-the positions that the controlled frames can have, and from 0.7 to 1.3 times as far away, so
-that many lie inside obstacles or out of reach. The joints have no hard stops: nothing but the
-controller keeps them inside their limits. They carry out every command exactly, or are as
-``plant.…`` of the simulator's parameters and the arguments say. What is reported of distances
-and ranges is true, not what the controller measures.
-"""
+"""Executable that sends an arm to random goals for a long time and counts broken limits."""
 
 from __future__ import annotations
 
 import argparse
-import math
-import os
 import sys
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from tp_controller.command_line import OneLineParser
-from tp_controller.config import build_robot, build_settings, describe_robot, read_parameter_file
-from tp_controller.config.build import read_parameters
-from tp_controller.errors import InvalidValue, TaskPriorityError, UnusableState
-from tp_controller.robot import Limits, Robot
-from tp_controller.robot.draws import random_configuration
-from tp_controller.robot.response import KEYS
 from tp_controller.solvers import SOLVER_TYPES
-from tp_controller.tasks import PositionTask
-from tp_sim.integrator import Integrator
-from tp_sim.plant import Plant, PlantSettings
-from tp_sim.rigid_body import RigidBodies
-from tp_sim.settings import (
-    KINEMATIC,
-    PLANT,
-    RIGID_BODY,
-    build_plant,
-    build_simulator_settings,
-    read_simulator_parameters,
-)
-from tp_sim.watch import REACHED, Outcome, Watch
+from tp_sim.long_runs import run_all
+from tp_sim.settings import KINEMATIC, PLANT, RIGID_BODY
+from tp_sim.watch import REACHED, Outcome
 
-Vector = NDArray[np.float64]
-
-BROKEN, REFUSED, INTERRUPTED = 1, 2, 130
-SECONDS_PER_GOAL = 10.0
-UNLIKELY = 1e-9
-"""Probability of more losses in a row than the controller is told of."""
-
+BROKEN = 1
+OPTIONS = ('delay', 'lag', 'noise', 'scale', 'quantum', 'command_loss', 'state_loss')
+"""Parameters ``plant.…`` that can be given."""
 PLANTS: Mapping[str, Mapping[str, float]] = {
     'ideal': {},
     'delay 1': {'delay': 1},
@@ -97,32 +62,20 @@ def main() -> int:
         Exit status: 0, 1 if a limit was broken, 2 if the file or an argument cannot be used, 130
         after Ctrl-C.
     """
-    arguments = _parser().parse_args()
-    plant = {
-        f'plant.{key}': getattr(arguments, key)
-        for key in ('delay', 'lag', 'noise', 'scale', 'quantum', 'command_loss', 'state_loss')
-    }
+    return _parser().run(_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    plant = {f'plant.{key}': getattr(arguments, key) for key in OPTIONS}
     plant |= {'plant.type': arguments.plant, 'plant.seed': arguments.seed}
     plant = {key: value for key, value in plant.items() if value is not None}
     plants = PLANTS if arguments.plants else {'': {}}
-    try:
-        found = run_all(
-            arguments.config,
-            arguments.schemes,
-            arguments.steps,
-            arguments.seed,
-            {
-                name: plant | {f'plant.{key}': value for key, value in given.items()}
-                for name, given in plants.items()
-            },
-            arguments.declared,
-        )
-    except TaskPriorityError as error:
-        print(f'stress: {error}', file=sys.stderr)
-        return REFUSED
-    except KeyboardInterrupt:
-        print('stress: interrupted', file=sys.stderr)
-        return INTERRUPTED
+    arms = {
+        name: plant | {f'plant.{key}': value for key, value in given.items()}
+        for name, given in plants.items()
+    }
+    config, schemes, declared = arguments.config, arguments.schemes, arguments.declared
+    found = run_all(config, schemes, arguments.steps, arguments.seed, arms, declared)
     name = arguments.config.name
     if arguments.plants:
         told = 'the controller knows' if arguments.declared else 'the controller does not know'
@@ -144,8 +97,8 @@ def _at_least(least: int) -> Callable[[str], int]:
     return read
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = OneLineParser(prog='stress', description=(__doc__ or '').split('\n')[0])
+def _parser() -> OneLineParser:
+    parser = OneLineParser(prog='stress', description=__doc__)
     parser.add_argument('--config', type=Path, required=True, help='parameter file')
     parser.add_argument('--steps', type=_at_least(1), default=100_000, help='of every scheme')
     parser.add_argument(
@@ -158,7 +111,7 @@ def _parser() -> argparse.ArgumentParser:
         help='values of solver.type; that of the file when left out',
     )
     arm = parser.add_argument_group('the arm, in place of plant.… of tp_sim in the file')
-    for key in ('delay', 'lag', 'noise', 'scale', 'quantum', 'command_loss', 'state_loss'):
+    for key in OPTIONS:
         arm.add_argument(
             f'--{key.replace("_", "-")}',
             type=_at_least(0) if key == 'delay' else float,
@@ -180,224 +133,6 @@ def _parser() -> argparse.ArgumentParser:
         '--undeclared', dest='declared', action='store_false', help='same as --no-declared'
     )
     return parser
-
-
-def run_schemes(
-    path: Path, schemes: Sequence[str] | None, steps: int, seed: int
-) -> dict[str, Outcome]:
-    """Run every scheme on a parameter file, each in a process of its own.
-
-    Raises
-    ------
-    TaskPriorityError
-        If the file cannot be used.
-    """
-    return run_all(path, schemes, steps, seed, {'': {}})['']
-
-
-def run_all(
-    path: Path,
-    schemes: Sequence[str] | None,
-    steps: int,
-    seed: int,
-    plants: Mapping[str, Mapping[str, Any]],
-    declared: bool = True,
-) -> dict[str, dict[str, Outcome]]:
-    """Run every scheme on a parameter file with every plant, each in a process of its own.
-
-    Parameters
-    ----------
-    path
-        The file.
-    schemes
-        Values of ``solver.type``; None for that of the file.
-    steps, seed
-        As for `run`.
-    plants
-        Parameters ``plant.…`` in place of the file's, by any name.
-    declared
-        As for `run`.
-
-    Returns
-    -------
-    dict
-        What was seen, by plant and scheme.
-
-    Raises
-    ------
-    TaskPriorityError
-        If the file or a plant cannot be used.
-    """
-    values = read_parameter_file(path, 'tp_controller')
-    simulated = read_parameter_file(path, 'tp_sim')
-    names = schemes or [read_parameters(values)['solver.type']]
-    for name in names:
-        build_settings(values | {'solver.type': name})
-    for given in plants.values():
-        q = build_simulator_settings(simulated | dict(given)).integrator.q
-    jobs = [(plant, name) for plant in plants for name in names]
-    with ProcessPoolExecutor(min(len(jobs), os.cpu_count() or 1)) as pool:
-        runs = [
-            pool.submit(
-                run,
-                values | {'solver.type': name},
-                q,
-                steps,
-                seed,
-                None,
-                simulated | dict(plants[plant]),
-                declared,
-            )
-            for plant, name in jobs
-        ]
-        found: dict[str, dict[str, Outcome]] = {plant: {} for plant in plants}
-        for (plant, name), job in zip(jobs, runs, strict=True):
-            found[plant][name] = job.result()
-        return found
-
-
-def run(
-    values: dict[str, Any],
-    q: Vector,
-    steps: int,
-    seed: int = 0,
-    targets: Iterable[Sequence[Vector]] | None = None,
-    simulated: Mapping[str, Any] | None = None,
-    declared: bool = True,
-) -> Outcome:
-    """Send an arm to goals, with a new one every 10 s.
-
-    Parameters
-    ----------
-    values
-        Parameters of the controller.
-    q
-        First configuration (nq,) [rad, m].
-    steps
-        How many steps.
-    seed
-        Of the random goals.
-    targets
-        Goals of all position tasks, one after the other, in place of random ones.
-    simulated
-        Parameters of the simulator, of which those of the arm count; None for joints that carry
-        out every command exactly.
-    declared
-        Whether the controller is told what the arm is like, see `declaration`. False: it takes
-        the arm for an ideal one.
-
-    Raises
-    ------
-    InvalidValue
-        If the parameters cannot be used, have no rate or no task that takes a position.
-    """
-    rate = read_parameters(values)['rate']
-    if rate is None:
-        raise InvalidValue('rate', 'no value', 'a number above 0')
-    plant = _plant(simulated, values, q)
-    values = {key: value for key, value in values.items() if declared or not _tells(key)}
-    if declared:
-        values |= declaration(plant, 1.0 / rate)
-    stack, truth = (build_settings(values).stack for _ in range(2))
-    goals = [task for task in stack.tasks.values() if isinstance(task, PositionTask)]
-    period = stack.safety_filter.period
-    if not goals:
-        raise InvalidValue('tasks', 'no position task', 'one that is sent to random goals')
-    if targets is None:
-        elsewhere = build_robot(read_parameters(values))
-        targets = _places(elsewhere, goals, np.random.default_rng(seed))
-    places = iter(targets)
-    watch = Watch(stack, truth)
-    started, every = time.perf_counter(), max(1, round(SECONDS_PER_GOAL / period))
-    since = 1
-    for i in range(steps):
-        if i % every == 0:
-            if i:
-                watch.count_goal(plant.q)
-            for task, target in zip(goals, next(places), strict=True):
-                task.target = target
-        watch.see_place(plant.q)
-        command = None
-        if not plant.state_lost():
-            measured, speed = plant.measured()
-            try:
-                command = stack.step(measured, since * period, speed).command
-            except UnusableState as error:
-                command = np.zeros(stack.robot.n) if error.command is None else error.command
-            astray = bool(stack.arm.notice)
-            moves = plant.qd if astray or plant.timed_out else None
-            watch.see_command(command, astray, i % every > every // 2, moves)
-            since = 0
-        since += 1
-        plant.step(command, period)
-    watch.count_goal(plant.q)
-    return watch.outcome(time.perf_counter() - started, _allowance(plant.settings))
-
-
-def _plant(simulated: Mapping[str, Any] | None, controlled: Mapping[str, Any], q: Vector) -> Plant:
-    if simulated is None:
-        space = build_robot(read_parameters(controlled)).space
-        return Plant(Integrator(q, Limits(space.nv, ranged=space.ranged), space))
-    values = read_simulator_parameters(simulated)
-    robot = build_robot(values)
-    return build_plant(values, robot, describe_robot(values), q, stops=False)
-
-
-def _tells(key: str) -> bool:
-    return key.startswith('robot.') and key.removeprefix('robot.') in KEYS
-
-
-def _allowance(settings: PlantSettings) -> float:
-    """Largest error [rad, m] of a measured position, but for its scale."""
-    noise, quantum = np.asarray(settings.noise), np.asarray(settings.quantum)
-    return float(np.max(noise + 0.5 * quantum))
-
-
-def declaration(plant: Plant, period: float) -> dict[str, Any]:
-    """Parameters ``robot.…`` that tell a controller what its arm is like.
-
-    Without losses there is nothing to hold. With losses, a command may stay in force for as
-    long as so many in a row may be lost with a probability of 1e-9, or for the simulator's
-    ``command_timeout``, if that is less. The lag of rigid bodies is `RigidBodies.lag`. A wrong
-    scale cannot be told.
-
-    Parameters
-    ----------
-    plant
-        The arm.
-    period
-        Time [s] of a step.
-
-    Returns
-    -------
-    dict
-        The parameters by dotted key; empty for an ideal arm.
-    """
-    given, n = plant.settings, plant.qd.size
-    lag = np.broadcast_to(np.asarray(given.lag, dtype=float), (n,))
-    if isinstance(plant.joints, RigidBodies):
-        lag = lag + plant.joints.lag
-    told: dict[str, Any] = {
-        'robot.delay': [given.delay * period],
-        'robot.lag': lag.tolist(),
-        'robot.noise': [_allowance(given)],
-        'robot.hold': 0.0,
-    }
-    lost = 1.0 - (1.0 - given.command_loss) * (1.0 - given.state_loss)
-    if lost > 0.0:
-        longest = math.inf if plant.command_timeout is None else plant.command_timeout
-        in_a_row = math.ceil(math.log(UNLIKELY) / math.log(lost)) if lost < 1.0 else math.inf
-        told['robot.hold'] = min(longest, in_a_row * period)
-    return told if any(np.any(np.asarray(value)) for value in told.values()) else {}
-
-
-def _places(
-    robot: Robot, tasks: Sequence[PositionTask], rng: np.random.Generator
-) -> Iterator[list[Vector]]:
-    while True:
-        robot.update(random_configuration(robot, rng))
-        far = rng.choice([1.0, rng.uniform(0.7, 1.3)])
-        yield [far * robot.frame(task.frame_name).position[task.twist_rows] for task in tasks]
 
 
 def _table(name: str, outcomes: dict[str, Outcome]) -> Table:

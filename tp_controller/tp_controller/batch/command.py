@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import logging
-import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -21,14 +20,12 @@ from tp_controller.batch.engine import check_engine, run_batch
 from tp_controller.batch.plan import SECONDS, TOLERANCE, Batch, plan_batch
 from tp_controller.batch.plots import draw_plots
 from tp_controller.batch.table import FILE, check_folder, column, write_runs
-from tp_controller.command_line import REFUSED, OneLineParser
+from tp_controller.command_line import OneLineParser
 from tp_controller.config import read_parameter_file
-from tp_controller.errors import InvalidValue, TaskPriorityError
+from tp_controller.errors import InvalidValue
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,19 +41,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         Exit status: 0, 2 if an argument or the file cannot be used, 130 after Ctrl-C.
     """
-    given = _parser().parse_args(arguments)
-    try:
-        _run(given)
-    except TaskPriorityError as error:
-        print(f'batch: {error}', file=sys.stderr)
-        return REFUSED
-    except KeyboardInterrupt:
-        print('batch: interrupted', file=sys.stderr)
-        return INTERRUPTED
-    return 0
+    return _parser().run(_run, arguments)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog='batch',
         description='Run closed loops from random starts to random goals on all cores, without '

@@ -99,24 +99,12 @@ def take(results, q, near, count, known, lower, anchor):  # type: ignore[no-unty
 
 
 @njit(
-    [
-        int64(
-            FIXED_ROWS,
-            FIXED_ROWS,
-            COLUMN,
-            int64[::1],
-            FIXED,
-            FIXED,
-            ROWS,
-            ROWS,
-            ROWS,
-            boolean,
-            int64[::1],
-            ROWS,
-        )
-    ],
+    int64(
+        FIXED_ROWS, FIXED_ROWS, COLUMN, int64[::1], FIXED, FIXED, ROWS, ROWS, ROWS, boolean,
+        int64[::1], ROWS,
+    ),
     cache=True,
-)
+)  # fmt: skip
 def slopes(  # type: ignore[no-untyped-def]
     results, ways, lower, starts, distance, threshold, sides, twists, S, coupled, near, slope
 ):

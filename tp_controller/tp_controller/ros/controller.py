@@ -6,46 +6,27 @@ import gc
 import math
 import time
 import traceback
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rclpy.clock import Clock, ClockType
 from rclpy.executors import Executor, TimeoutException
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.subscription import Subscription
 from rclpy.timer import Timer
-from visualization_msgs.msg import MarkerArray
 
-from tp_controller.config import (
-    HOLD,
-    PRESENT,
-    RESUME,
-    START,
-    build_settings,
-    know_rate,
-    read_parameters,
-)
-from tp_controller.config.schema import POSITION_TYPES
-from tp_controller.errors import InvalidValue
-from tp_controller.position_reference import PositionReference
-from tp_controller.ros.commands import CommandPublisher, is_stamped
-from tp_controller.ros.cycle import ZEROS, ControlFailed, Cycle
-from tp_controller.ros.diagnostics import PERIOD as DIAGNOSTICS_PERIOD
+from tp_controller.config import HOLD, PRESENT, RESUME, START, build_settings, read_parameters
+from tp_controller.ros.braking_to_rest import ZEROS
+from tp_controller.ros.control import Control
+from tp_controller.ros.cycle import ControlFailed
 from tp_controller.ros.diagnostics import Diagnostics
 from tp_controller.ros.hold import HELD, INACTIVE, Hold, refuse_at_rest
 from tp_controller.ros.intake import Intake
 from tp_controller.ros.lifecycle import ManagedNode
 from tp_controller.ros.live_parameters import LiveParameters
-from tp_controller.ros.markers import PERIOD as MARKER_PERIOD
-from tp_controller.ros.markers import Markers
-from tp_controller.ros.neighbours import Neighbours
-from tp_controller.ros.receivers import PERIOD as RECEIVER_PERIOD
-from tp_controller.ros.receivers import Receivers
 from tp_controller.ros.robot_node import HEARTBEAT
 from tp_controller.ros.stack_services import StackServices
-from tp_controller.ros.state import StateMessage
+from tp_controller.ros.state_publication import StatePublication
 from tp_controller.ros.state_watch import StateWatch
-from tp_controller.ros.task_inputs import TaskInputs
+from tp_controller.ros.surroundings import Surroundings
 from tp_controller.ros.warnings import PERIOD as WARNING_PERIOD
 from tp_controller.ros.warnings import Warnings
 from tp_controller.tasks import Task
@@ -56,12 +37,6 @@ if TYPE_CHECKING:
     from tp_controller.ros.reach import ReachServer
 
 STATE_QUEUE_DEPTH = 100
-LEAST_STATE_PERIOD = 0.01
-"""Least time [s] between two states that are published without a cycle."""
-LONGEST_SILENCE = 0.1
-"""Time [s] after which the state is published even while joint states wait."""
-NEIGHBOUR_PERIOD = 1.0
-"""Time [s] between two looks for other publishers; all that are not heard are found in it."""
 SERVE_PERIOD = 0.03
 """Time [s] between two looks for other things to do at least,"""
 SERVE_AGAIN = 0.02
@@ -72,8 +47,6 @@ EARLIEST = 0.9
 """Least time [periods] between two commands of braking."""
 TRANSITION = 'transition to a changed stack'
 """Told in the state while one is under way."""
-RECEIVERS = 'receivers'
-"""What warnings about readers of the commands are about."""
 IN_A_ROW = 3
 """So many joint states are answered before other work, if they wait already."""
 
@@ -113,61 +86,36 @@ class ControllerNode(ManagedNode):
         self._added.clear()
         values = self._settings.values
         self._stack = self._settings.stack
-        robot = self._stack.robot
         rate, limit = values['rate'], values['timeouts.joint_state']
         period = 1.0 / rate if rate else math.inf
 
-        self._state = StateMessage(self._stack)
-        self._live_parameters = LiveParameters(self, self._settings, self._state.follow_hierarchy)
-        self._warnings = Warnings(self._log_warning, self.log.info)
-        self._inputs = TaskInputs(
-            self, self._settings, self._state, self._warnings, period, self._refuse_at_rest
+        self._warnings = Warnings(self.log.warning, self.log.info)
+        watch = StateWatch(limit, period, time.monotonic() - time.time())
+        self._intake = Intake(self, watch, self._stack.robot.coordinates)
+        control = Control(
+            self,
+            self._settings,
+            self._intake,
+            watch,
+            limit,
+            self._warnings,
+            self.log,
+            self._refuse_at_rest,
+            self._found_rate,
         )
+        self._state, self._inputs = control.state, control.inputs
+        self._commands, self._cycle = control.commands, control.cycle
+        self._live_parameters = LiveParameters(self, self._settings, self._state.follow_hierarchy)
         for task in self._stack.tasks.values():
             list(self._listen(task))
         if self._settings.values[START] == HOLD:
             self._warn_of_feedforwards('from the start, though start is hold')
-        watch = StateWatch(limit, period, time.monotonic() - time.time())
-        intake = self._intake = Intake(self, watch, robot.coordinates)
-        reference = None
-        if values['command.type'] in POSITION_TYPES:
-            reference = PositionReference(self._stack, values['command.tolerance'])
-        commands = CommandPublisher(self, robot, values['command.type'], reference)
-        self._commands, self._watch = commands, watch
-        self._positions = reference is not None
-        self._cycle = Cycle(
-            self._stack,
-            intake,
-            watch,
-            commands,
-            self._state.msg,
-            self._warnings,
-            self.log,
-            rate,
-            limit,
-            self._inputs.answered,
-            self._inputs.handle,
-            self._found_rate if self._needs_rate(reference is not None) else None,
-            reference,
-        )
-        self._neighbours = Neighbours(
-            self, commands.topic, intake.topic, self._warnings, intake.others
-        )
-        self._receivers: Receivers | None = None
-        if not is_stamped(values['command.type']):
-            interface = 'position' if self._positions else 'velocity'
-            receivers = Receivers(self, commands, robot.joints, interface, self._tell_of_receivers)
-            self._receivers = receivers
-            self._make_timer(RECEIVER_PERIOD, receivers.look)
-        self._markers = Markers(robot, self._state.msg, self._stack.tasks.values())
-        self._marker_publisher = self.create_publisher(MarkerArray, '~/markers', 10)
-        self._due = False
-        self._published = self._heartbeat_at = -math.inf
-        self._make_timer(MARKER_PERIOD, self._publish_markers)
-        self._make_timer(NEIGHBOUR_PERIOD, self._look_around)
-        state = self._state.msg
-        self._diagnostics.begin(self._stack, state, rate, watch, commands, self._warnings)
-        self._make_timer(DIAGNOSTICS_PERIOD, self._diagnostics.tick)
+        self._positions = control.positions
+        if control.missing_rate:
+            self._warnings.warn('rate', control.missing_rate, lasting=not control.positions)
+        self._surroundings = Surroundings(self, control, self._diagnostics)
+        self._publication = StatePublication(self._state_publisher, control, self._texts)
+        self._heartbeat_at = -math.inf
         # Steady times [s] at which things are due.
         self._look_at = self._serve_at = self._served = -math.inf
         self._brake_at = math.inf
@@ -175,7 +123,6 @@ class ControllerNode(ManagedNode):
         self._hold = Hold(self, self._settings, self.log, self._on_hold)
         self._reach: ReachServer | None = None
         self._around: Around | None = None
-        self._rearranged = False
         self._description_given = description
         self._later: Iterator[None] | None = self._begin_later()
         StackServices(self, self._settings, self._on_task_added, self._on_task_removed)
@@ -215,16 +162,10 @@ class ControllerNode(ManagedNode):
         )
         if any(task.around for task in self._stack.tasks.values()):
             self._around.prepare()
+        self._surroundings.around = self._around
         self._inputs.answered.follow(self._around)
         self._reach = ReachServer(
-            self,
-            self._stack,
-            self._inputs,
-            self._inputs.answered,
-            velocity,
-            self.log,
-            self._refuse_at_rest,
-            self._around,
+            self, self._stack, self._inputs, velocity, self.log, self._refuse_at_rest, self._around
         )
         self._inputs.aimed = self._reach.watch
 
@@ -234,8 +175,9 @@ class ControllerNode(ManagedNode):
             self._stack.forget_targets(self._targets)
         self._cycle.begin()
         self._inputs.active = True
-        self.log.info(f'waiting for joint states; tasks by level: {self._levels()}')
-        self._due = True
+        levels = ', '.join(self._stack.hierarchy) or 'none, the arm rests'
+        self.log.info(f'waiting for joint states; tasks by level: {levels}')
+        self._publication.due = True
 
     def deactivate(self) -> str:
         """Bring the arm to rest inside its limits; nothing is sent afterwards."""
@@ -259,7 +201,7 @@ class ControllerNode(ManagedNode):
             self._targets = {name: task.settings[0] for name, task in stack.tasks.items()}
             self._cycle.show_held()
             self._state.refresh(self._commands.velocity)
-            self._publish_state()
+            self._publication.publish()
 
     def added(self, key: str) -> bool:
         """Whether a parameter is one of a task that was added."""
@@ -272,8 +214,7 @@ class ControllerNode(ManagedNode):
         self._later = None
         if self._reach is not None:
             self._reach.close()
-        if self._receivers is not None:
-            self._receivers.close()
+        self._surroundings.close()
 
     def _refuse_at_rest(self, key: str) -> None:
         refuse_at_rest(key, self._stack.held, self.active)
@@ -289,7 +230,7 @@ class ControllerNode(ManagedNode):
         if not (self.started and self.active):
             return ''
         try:
-            return self._cycle.rest()
+            return self._cycle.braking.finish()
         except Exception as error:
             self._commands.send(0.0)
             self._commands.wait_until_arrived()
@@ -308,51 +249,14 @@ class ControllerNode(ManagedNode):
         )
         return True
 
-    def _levels(self) -> str:
-        return ', '.join(self._stack.hierarchy) or 'none, the arm rests'
-
-    def _log_warning(self, line: str) -> None:
-        self.log.warning(line)
-
-    def _make_timer(self, period: float, callback: Callable[[], None]) -> Timer:
-        return self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
-
-    def _tell_of_receivers(self, problem: str) -> None:
-        self._warnings.clear(RECEIVERS)
-        if problem:
-            self._warnings.warn(RECEIVERS, problem, lasting=True)
-
     def _warn_of_feedforwards(self, when: str) -> None:
         for name, task in self._stack.tasks.items():
             if self._stack.level_of(name) >= 0 and task.feedforward.any():
-                self._log_warning(f'tasks.{name}.feedforward moves the arm {when}')
-
-    def _needs_rate(self, positions: bool) -> bool:
-        """Whether there are ranges to keep, or positions to send, without a rate; it is said."""
-        if positions and self._settings.values['rate'] is None:
-            self._warnings.warn(
-                'rate',
-                'rate: got no value: the arm rests until it is found from the joint states, '
-                'command.type needs it',
-            )
-            return True
-        try:
-            self._stack.robot.limits.check_period(
-                self._stack.robot.joints, self._stack.safety_filter.period
-            )
-        except InvalidValue as error:
-            self._warnings.warn(
-                'rate', f'{error}: the arm rests until it is found from the joint states', True
-            )
-            return True
-        return False
+                self.log.warning(f'tasks.{name}.feedforward moves the arm {when}')
 
     def _found_rate(self, rate: float) -> None:
-        """Keep ranges from now on."""
-        know_rate(self._settings, rate)
-        self._watch.period = 1.0 / rate
+        """Tell that ranges are kept from now on."""
         self._diagnostics.health.rate = rate
-        self._inputs.know_period(1.0 / rate)
         self._warnings.clear('rate', '')
         self._warnings.warn(
             'found rate', f'rate: {rate:.4g} Hz, found from the joint states; ranges are kept'
@@ -362,7 +266,7 @@ class ControllerNode(ManagedNode):
 
     def _warn_of(self, task: Task) -> None:
         for warning in task.warnings:
-            self._log_warning(warning)
+            self.log.warning(warning)
 
     # Tasks
 
@@ -388,17 +292,17 @@ class ControllerNode(ManagedNode):
 
     def _follow_tasks(self) -> None:
         self._state.follow_tasks()
-        self._markers.follow_tasks(self._stack.tasks.values())
+        self._surroundings.follow_tasks()
 
     def _on_rearranged(self) -> None:
         """Show that other levels act; before the next step there is nothing to explain."""
         self._state.follow_hierarchy()
-        self._rearranged = True
+        self._publication.rearranged = True
 
     def _on_hold(self) -> None:
         """Show at once that a hold has begun or ended, or that the arm has come to rest."""
         self._cycle.show_held()
-        self._due = True
+        self._publication.due = True
         if self._stack.held:
             self._end_goals(HELD)
         if not self._stack.held and self._settings.values[RESUME] == PRESENT:
@@ -415,11 +319,11 @@ class ControllerNode(ManagedNode):
         answered, self._answered = self._answered, False
         if now >= self._brake_at:
             # What was missed is not caught up: every command of braking is a step of it.
-            period = self._cycle.braking_period
+            period = self._cycle.braking.period
             self._brake_at = max(self._brake_at + period, now + EARLIEST * period)
             self._brake()
         elif now >= self._look_at:
-            self._look_at = now + self._cycle.look_period
+            self._look_at = now + self._cycle.braking.look_period
             self._look()
         elif self._later is not None:
             if next(self._later, self) is self:
@@ -464,24 +368,21 @@ class ControllerNode(ManagedNode):
             if not self._control():
                 break
             self._answered = True
-            self._publish_cycle(turn < IN_A_ROW)
+            self._publication.publish_cycle(turn < IN_A_ROW)
         else:
             return
         if not self._answered:
-            self._due |= self._inputs.handle(self._cycle.duration)
-        if self._due and time.monotonic() - self._published >= LEAST_STATE_PERIOD:
-            if self._cycle.running:
-                self._state.refresh(self._commands.velocity)
-            self._publish_state()
+            self._publication.due |= self._inputs.handle(self._cycle.duration)
+        self._publication.publish_change()
 
     def _idle(self) -> None:
         """Take goals over and show that the node lives, while it is inactive."""
-        self._cycle.ignore()
-        self._due |= self._inputs.handle(HEARTBEAT)
+        self._intake.take()
+        self._publication.due |= self._inputs.handle(HEARTBEAT)
         now = time.monotonic()
-        if self._due or now - self._heartbeat_at >= HEARTBEAT:
+        if self._publication.due or now - self._heartbeat_at >= HEARTBEAT:
             self._heartbeat_at = now
-            self._publish_state()
+            self._publication.publish()
 
     def _control(self) -> bool:
         """Answer the newest joint state that waits, if there is one; return whether it was."""
@@ -497,79 +398,42 @@ class ControllerNode(ManagedNode):
             self._inputs.release.look()
         return True
 
-    def _publish_cycle(self, explain: bool) -> None:
-        """Publish the state of a cycle; of some only, if these are too many already."""
-        if not self._state_publisher.get_subscription_count():
-            return
-        if self._cycle.behind and time.monotonic() - self._published < LONGEST_SILENCE:
-            self._due = True
-            return
-        self._state.refresh(self._commands.velocity)
-        explain, self._rearranged = explain and not self._rearranged, False
-        try:
-            if explain and not self._cycle.refused:
-                self._state.explain(self._intake.waits)
-        except Exception as error:
-            self._state.forget_explanation()
-            self._warnings.warn('explanation', f'no explanation: {type(error).__name__}: {error}')
-        self._publish_state()
-
-    def _publish_state(self) -> None:
-        self._due = False
-        self._published = time.monotonic()
-        changing = TRANSITION if self._stack.in_transition else ''
-        idle = '' if self.active else INACTIVE
-        way = self._around.text if self._around is not None else ''
-        texts = (idle, self._hold.message, way, changing, self._warnings.message)
-        self._state.msg.message = '; '.join(text for text in texts if text)
-        self._state_publisher.publish(self._state.serialized())
+    def _texts(self) -> Iterable[str]:
+        """What the state tells beside the warnings."""
+        return (
+            '' if self.active else INACTIVE,
+            self._hold.message,
+            self._around.text if self._around is not None else '',
+            TRANSITION if self._stack.in_transition else '',
+        )
 
     def _look(self) -> None:
         """Bring the robot to rest when joint states stop, and show that the node lives."""
         if self._control():
-            self._publish_cycle(False)
+            self._publication.publish_cycle(False)
         self._diagnostics.health.see()
-        share = self._cycle.look_period / NEIGHBOUR_PERIOD
-        self._neighbours.listen(self._inputs_polled, share)
+        self._surroundings.look(self._cycle.braking.look_period)
         for task in self._stack.tasks.values():
             for notice in task.take_notices():
                 self._warnings.warn(f'{task.name} contact', notice)
         now = time.monotonic()
         if self._cycle.look():
             self._brake()
-            self._brake_at = now + self._cycle.braking_period
+            self._brake_at = now + self._cycle.braking.period
             self._heartbeat_at = -math.inf
         if self._reach is not None and self._reach.active and not self._cycle.running:
             self._reach.look_without_states()
         if self._cycle.running or now - self._heartbeat_at < 0.999 * HEARTBEAT:
             return
         self._heartbeat_at = now
-        if self._cycle.zeros >= ZEROS and not self._positions:
+        if self._cycle.braking.zeros >= ZEROS and not self._positions:
             # An old position could make an arm jump that comes back somewhere else.
-            self._cycle.brake()
-        self._publish_state()
-
-    @property
-    def _inputs_polled(self) -> list[Subscription]:
-        """All that are polled."""
-        return [self._intake.subscription, *self._inputs.subscriptions]
+            self._cycle.braking.send_next()
+        self._publication.publish()
 
     def _brake(self) -> None:
-        self._cycle.brake()
+        self._cycle.braking.send_next()
         self._hold.look()
         self._state.refresh(self._commands.velocity)
-        if self._cycle.zeros >= ZEROS:
+        if self._cycle.braking.zeros >= ZEROS:
             self._brake_at = math.inf
-
-    def _publish_markers(self) -> None:
-        if self._state.msg.cycles and self._marker_publisher.get_subscription_count():
-            if self._around is not None:
-                self._markers.way = self._around.places
-            self._marker_publisher.publish(self._markers.array(self.get_clock().now().to_msg()))
-
-    def _look_around(self) -> None:
-        self._warnings.flush()
-        self._neighbours.look()
-        if not self.active:
-            self._neighbours.listen(self._inputs_polled)
-        self._watch.single_publisher = self._neighbours.alone

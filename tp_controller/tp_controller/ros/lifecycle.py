@@ -11,7 +11,6 @@ from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.clock import Clock, ClockType
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.timer import Timer
@@ -35,14 +34,7 @@ class ManagedNode(LifecycleNodeMixin, RobotNode):
 
     To configure it is what `start` does; it takes the parameters that the node has by then. With
     the parameter ``autostart``, which is true unless it is given, the node configures and
-    activates itself as soon as its robot is known.
-
-    Parameters
-    ----------
-    name
-        Default name of the node.
-    options
-        Passed on to the node.
+    activates itself as soon as its robot is known. Its parameters are those of `RobotNode`.
 
     Attributes
     ----------
@@ -187,11 +179,7 @@ class ManagedNode(LifecycleNodeMixin, RobotNode):
 
     def _show_unconfigured(self) -> None:
         """Give signs of life until somebody configures the node."""
-        self._showing = self.create_timer(
-            HEARTBEAT,
-            partial(self.show_waiting, UNCONFIGURED),
-            clock=Clock(clock_type=ClockType.STEADY_TIME),
-        )
+        self._showing = self.make_timer(HEARTBEAT, partial(self.show_waiting, UNCONFIGURED))
 
     def _let_go_others(self, entities: dict[str, set[Any]]) -> None:
         """Destroy entities made since these; undeclare parameters that nobody gave or added."""

@@ -14,21 +14,17 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 
-from tp_controller.config import HOLD, START, build_settings, know_rate
-from tp_controller.config.schema import POSITION_TYPES
+from tp_controller.config import HOLD, START, build_settings
 from tp_controller.errors import InvalidValue
-from tp_controller.position_reference import PositionReference
 from tp_controller.recording import Recording
 from tp_controller.recording.course import nanoseconds
-from tp_controller.ros.commands import CommandPublisher
-from tp_controller.ros.cycle import Cycle
+from tp_controller.ros.control import Control
 from tp_controller.ros.intake import Intake
 from tp_controller.ros.joint_states import JointStateValues
+from tp_controller.ros.lag import Lag
 from tp_controller.ros.other_devices import OtherDevices
 from tp_controller.ros.replayed_inputs import ReplayedInputs
-from tp_controller.ros.state import StateMessage
-from tp_controller.ros.state_watch import Arrival, Lag, StateWatch
-from tp_controller.ros.task_inputs import TaskInputs
+from tp_controller.ros.state_watch import Arrival, StateWatch
 from tp_controller.ros.warnings import Warnings
 from tp_interfaces.msg import ControllerState
 
@@ -117,57 +113,32 @@ class Replay:
         values, stack = settings.values, settings.stack
         rate = values['rate']
         period = 1.0 / rate if rate else math.inf
-        self._recording, self._settings, self._stack = recording, settings, stack
-        self._state = StateMessage(stack)
+        self._recording, self._stack = recording, stack
         warnings = Warnings(_ignore, _ignore)
-        middleware: Any = _Middleware()
-        self._inputs = TaskInputs(middleware, settings, self._state, warnings, period, _ignore)
-        self._inputs.active = True
-        self._watch = StateWatch(math.inf, period)
+        watch = StateWatch(math.inf, period)
         self._pace, self._paced = Lag(values['timeouts.joint_state']), False
         self._intake = _Intake()
-        reference = None
-        if values['command.type'] in POSITION_TYPES:
-            reference = PositionReference(stack, values['command.tolerance'])
-        commands = CommandPublisher(middleware, stack.robot, values['command.type'], reference)
-        self._commands = commands
+        middleware: Any = _Middleware()
         log: Any = SimpleNamespace(info=_ignore, warning=_ignore)
-        self._cycle = Cycle(
-            stack,
+        control = Control(
+            middleware,
+            settings,
             cast(Intake, self._intake),
-            self._watch,
-            commands,
-            self._state.msg,
-            warnings,
-            log,
-            rate,
+            watch,
             # Nothing is late: the time that this computer takes is not that of the recording.
             math.inf,
-            self._inputs.answered,
+            warnings,
+            log,
             _ignore,
-            self._found_rate if self._needs_rate(reference is not None) else None,
-            reference,
+            _ignore,
         )
+        self._state, self._inputs = control.state, control.inputs
+        self._commands, self._cycle = control.commands, control.cycle
+        self._inputs.active = True
         self._cycle.begin()
         self._given = ReplayedInputs(recording, settings, self._state, self._inputs)
         self._joint_states = _JointStates(recording)
         self.notes = self._given.notes
-
-    def _needs_rate(self, positions: bool) -> bool:
-        """Whether the arm rests until a rate is found from the joint states, as in the node."""
-        if positions:
-            return self._settings.values['rate'] is None
-        robot = self._stack.robot
-        try:
-            robot.limits.check_period(robot.joints, self._stack.safety_filter.period)
-        except InvalidValue:
-            return True
-        return False
-
-    def _found_rate(self, rate: float) -> None:
-        know_rate(self._settings, rate)
-        self._watch.period = 1.0 / rate
-        self._inputs.know_period(1.0 / rate)
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
@@ -14,6 +14,7 @@ from rclpy.executors import Executor
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.timer import Timer
 from std_msgs.msg import String
 
 from tp_controller.config import robot_source
@@ -123,12 +124,12 @@ class RobotNode(Node, ABC):
         # Checks of changes need the robot, and these would be new values for its start.
         self._refusal = partial(_refuse_changes, message)
         self.add_on_set_parameters_callback(self._refusal)
-        self._heartbeat = self.create_timer(
-            HEARTBEAT,
-            partial(self.show_waiting, message),
-            clock=Clock(clock_type=ClockType.STEADY_TIME),
-        )
+        self._heartbeat = self.make_timer(HEARTBEAT, partial(self.show_waiting, message))
         self.log.info(f'{message}: the parameters name no robot')
+
+    def make_timer(self, period: float, callback: Callable[[], None]) -> Timer:
+        """Make a timer with a period [s] that nobody's clock changes."""
+        return self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _on_description(self, msg: String) -> None:
         if self._description is None:

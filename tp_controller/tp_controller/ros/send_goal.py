@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-import time
-from collections.abc import Callable
 from decimal import Decimal, InvalidOperation
+from functools import partial
 
 import rclpy
 from rclpy.exceptions import InvalidTopicNameException
@@ -19,6 +18,7 @@ from tp_controller.command_line import OneLineParser
 from tp_controller.errors import InvalidValue, TaskPriorityError, listed
 from tp_controller.ros.arguments import one_line
 from tp_controller.ros.goals import goal_message
+from tp_controller.ros.waiting import spin_until
 from tp_interfaces.action import Reach
 from tp_interfaces.msg import ControllerState, TaskGoal, TaskState
 
@@ -164,9 +164,8 @@ class _GoalSender:
     """Finds a controller by its state, sends it a goal and watches its counters."""
 
     def __init__(self, node: Node, controller: str, timeout: float) -> None:
-        self._node = node
-        self._controller = controller
-        self._timeout = timeout
+        self._node, self._controller = node, controller
+        self._wait = partial(spin_until, node, timeout)
         self._state: ControllerState | None = None
         node.create_subscription(ControllerState, f'{controller}/state', self._on_state, 10)
 
@@ -223,10 +222,3 @@ class _GoalSender:
 
     def _on_state(self, msg: ControllerState) -> None:
         self._state = msg
-
-    def _wait(self, condition: Callable[[], bool], otherwise: str) -> None:
-        end = time.monotonic() + self._timeout
-        while not condition():
-            if time.monotonic() > end:
-                raise TimeoutError(f'{otherwise} (waited {self._timeout:g} s)')
-            rclpy.spin_once(self._node, timeout_sec=0.1)

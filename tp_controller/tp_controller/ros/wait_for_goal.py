@@ -7,6 +7,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -17,6 +18,7 @@ from rich.markup import escape
 from rich.status import Status
 
 from tp_controller.ros.parent import end_with_ros2
+from tp_controller.ros.waiting import spin_until
 from tp_interfaces.action import Reach
 
 LINE_PERIOD = 1.0
@@ -57,10 +59,11 @@ class GoalWaiter:
         for number in SIGNALS:
             signal.signal(number, self._on_signal)
         end_with_ros2()
-        self._wait(self._client.server_is_ready, f'no controller takes goals on {self._topic}')
+        wait = partial(spin_until, self._node, self._timeout)
+        wait(self._ready, f'no controller takes goals on {self._topic}')
         sent = self._client.send_goal_async(goal, feedback_callback=self._on_feedback)
         # A signal meanwhile cancels the goal once it is known: the controller may have it.
-        self._wait(sent.done, 'the controller did not answer', interruptible=False)
+        wait(sent.done, 'the controller did not answer')
         handle = sent.result()
         result = handle.get_result_async()
         console = Console(stderr=True)
@@ -95,16 +98,10 @@ class GoalWaiter:
         self._heard = time.monotonic()
         self._show(progress_line(message.feedback))
 
-    def _wait(
-        self, condition: Callable[[], bool], otherwise: str, interruptible: bool = True
-    ) -> None:
-        end = time.monotonic() + self._timeout
-        while not condition():
-            if self._signals and interruptible:
-                raise TimeoutError('interrupted')
-            if time.monotonic() > end:
-                raise TimeoutError(f'{otherwise} (waited {self._timeout:g} s)')
-            rclpy.spin_once(self._node, timeout_sec=0.1)
+    def _ready(self) -> bool:
+        if self._signals:
+            raise TimeoutError('interrupted')
+        return self._client.server_is_ready()
 
 
 def progress_line(feedback: Reach.Feedback) -> str:

@@ -23,31 +23,12 @@ NOTHING, ONE, SEVERAL = 0, 1, 2
 
 @njit(
     int64(
-        ROWS,
-        ROWS,
-        boolean[:, ::1],
-        int64[::1],
-        ROWS,
-        CUBE,
-        float64,
-        ROWS,
-        COLUMN,
-        CUBE,
-        COLUMN,
-        int64[::1],
-        int64,
-        ROWS,
-        CUBE,
-        boolean[::1],
-        int64[::1],
-        int64[::1],
-        FIXED,
-        FIXED,
-        COLUMN,
+        ROWS, ROWS, boolean[:, ::1], int64[::1], ROWS, CUBE, float64, ROWS, COLUMN, CUBE, COLUMN,
+        int64[::1], int64, ROWS, CUBE, boolean[::1], int64[::1], int64[::1], FIXED, FIXED, COLUMN,
         COLUMN,
     ),
     cache=True,
-)
+)  # fmt: skip
 def ask_again(  # type: ignore[no-untyped-def]
     J, values, flags, starts, rules, metric, tolerance, endless, still, work, shares,
     stops, settling, known, hessians, equal, stopped_rows, stopped_joints, range_lower,
@@ -130,19 +111,11 @@ def ask_again(  # type: ignore[no-untyped-def]
 
 @njit(
     void(
-        int64[::1],
-        int64[::1],
-        int64[::1],
-        int64[::1],
-        COLUMN,
-        COLUMN,
-        COLUMN,
-        COLUMN,
-        COLUMN,
+        int64[::1], int64[::1], int64[::1], int64[::1], COLUMN, COLUMN, COLUMN, COLUMN, COLUMN,
         float64,
     ),
     cache=True,
-)
+)  # fmt: skip
 def merge(  # type: ignore[no-untyped-def]
     rows, joints, was_rows, was_joints, moved, velocity, qd, lower, upper, binding
 ):

@@ -242,34 +242,13 @@ def _keeps(J, velocity, low, high, sided, end, qd):  # type: ignore[no-untyped-d
 
 @njit(
     int64(
-        ROWS,
-        COLUMN,
-        ROWS,
-        CUBE,
-        int64,
-        int64,
-        ROWS,
-        ROWS,
-        boolean[:, ::1],
-        int64[::1],
-        ROWS,
-        CUBE,
-        float64,
-        FIXED,
-        FIXED,
-        FIXED,
-        FIXED,
-        COLUMN,
-        COLUMN,
-        float64,
-        CUBE,
-        COLUMN,
-        int64[::1],
-        COLUMN,
+        ROWS, COLUMN, ROWS, CUBE, int64, int64, ROWS, ROWS, boolean[:, ::1], int64[::1], ROWS,
+        CUBE, float64, FIXED, FIXED, FIXED, FIXED, COLUMN, COLUMN, float64, CUBE, COLUMN,
+        int64[::1], COLUMN,
     ),
     cache=True,
     prepared=True,
-)
+)  # fmt: skip
 def resolve(  # type: ignore[no-untyped-def]
     J, velocity, known, hessians, settling, wanted, rows, values, flags, starts, rules, metric,
     tolerance, low, high, firm_low, firm_high, before, change, dt, work, shares, stops, qd,

@@ -300,31 +300,13 @@ def _fill_part(poses, frames, jac, part, places, values, work, J, errors):  # ty
 
 @njit(
     void(
-        FIXED,
-        ROWS,
-        CUBE,
-        ROWS,
-        int64[::1],
-        boolean[:, ::1],
-        CUBE,
-        int64[:, ::1],
-        int64[:, ::1],
-        boolean[:, ::1],
-        ROWS,
-        int64[:, ::1],
-        CUBE,
-        FIXED,
-        int64[:, ::1],
-        FIXED,
-        CUBE,
-        ROWS,
-        COLUMN,
-        COLUMN,
-        COLUMN,
+        FIXED, ROWS, CUBE, ROWS, int64[::1], boolean[:, ::1], CUBE, int64[:, ::1], int64[:, ::1],
+        boolean[:, ::1], ROWS, int64[:, ::1], CUBE, FIXED, int64[:, ::1], FIXED, CUBE, ROWS,
+        COLUMN, COLUMN, COLUMN,
     ),
     cache=True,
     prepared=True,
-)
+)  # fmt: skip
 def fill(  # type: ignore[no-untyped-def]
     q, twists, poses, S, frames, moves, jac, plan, places, wraps, values, tasks, gains, added,
     groups, speeds, work, J, errors, feedforward, velocity,

@@ -114,26 +114,12 @@ def _coupled(bent, S, out):  # type: ignore[no-untyped-def]
 
 @njit(
     void(
-        ROWS,
-        CUBE,
-        ROWS,
-        PLACES,
-        int64[::1],
-        boolean[:, ::1],
-        int64[:, ::1],
-        int64[:, ::1],
-        int64[:, ::1],
-        int64[::1],
-        CUBE,
-        CUBE,
-        CUBE,
-        ROWS,
-        COLUMN,
-        CUBE,
+        ROWS, CUBE, ROWS, PLACES, int64[::1], boolean[:, ::1], int64[:, ::1], int64[:, ::1],
+        int64[:, ::1], int64[::1], CUBE, CUBE, CUBE, ROWS, COLUMN, CUBE,
     ),
     cache=True,
     prepared=True,
-)
+)  # fmt: skip
 def fill(  # type: ignore[no-untyped-def]
     twists, poses, S, joint_of, frames, moves, plan, places, chains, counts, twist, bent, work,
     J, errors, out,

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
-import sys
 from pathlib import Path
 
 from rich.console import Console
 
 from tp_controller.command_line import OneLineParser
 from tp_controller.config import build_settings, read_parameter_file
-from tp_controller.errors import TaskPriorityError
 from tp_controller.plots import draw_plots
 from tp_controller.recording import Recording
 from tp_sim.demo.progress import Progress
@@ -18,9 +15,6 @@ from tp_sim.demo.script import Leg, read_script
 from tp_sim.demo.tables import outcome_table, reason_lines
 from tp_sim.demo.timing import Stopwatch
 from tp_sim.harness import ClosedLoop
-
-REFUSED = 2
-INTERRUPTED = 130
 
 
 def main() -> int:
@@ -31,19 +25,10 @@ def main() -> int:
     int
         Exit status: 0 if every goal was reached, 1 if not, 2 if it could not run.
     """
-    arguments = _parser().parse_args()
-    console = Console()
-    try:
-        return _run(arguments.config, arguments.out, arguments.record, console)
-    except TaskPriorityError as error:
-        print(f'demo: {error}', file=sys.stderr)
-        return REFUSED
-    except KeyboardInterrupt:
-        print('demo: interrupted', file=sys.stderr)
-        return INTERRUPTED
+    return _parser().run(lambda given: _run(given.config, given.out, given.record, Console()))
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog='demo',
         description='Run simulator and controller in real time through the goals that a '

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from tp_controller.command_line import OneLineParser
-from tp_controller.errors import TaskPriorityError
 from tp_sim.faults.case import Case, Outcome, run_case
 from tp_sim.faults.pauses import PauseWatch, take_priority
 from tp_sim.faults.relay import Topics
@@ -23,7 +21,7 @@ from tp_sim.faults.report import page_table, read_section, terminal_table, write
 from tp_sim.faults.rig import Judged
 from tp_sim.faults.table import CASES
 
-FAILED, REFUSED, INTERRUPTED = 1, 2, 130
+FAILED = 1
 SECTION = 'faults'
 LINES = 100
 """So many lines of what the nodes of a case printed are shown at most."""
@@ -37,7 +35,10 @@ def main() -> int:
     int
         Exit status: 0, 1 if a case failed, 2 if it could not run, 130 after Ctrl-C.
     """
-    arguments = _parser().parse_args()
+    return _parser().run(_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
     if arguments.list:
         for case in CASES:
             print(f'{case.name:20} {case.done}')
@@ -55,19 +56,12 @@ def main() -> int:
         ),
     )
     console = Console()
-    try:
-        # A page that cannot be written to is told before anything runs.
-        before = read_section(arguments.page, SECTION) if arguments.page else ''
-        rows = run_cases(chosen, judged, console, arguments.verbose, arguments.record)
-        if arguments.page:
-            kept = before if arguments.only else ''
-            write_section(arguments.page, SECTION, page_table(rows, kept))
-    except TaskPriorityError as error:
-        print(f'faults: {error}', file=sys.stderr)
-        return REFUSED
-    except KeyboardInterrupt:
-        print('faults: interrupted', file=sys.stderr)
-        return INTERRUPTED
+    # A page that cannot be written to is told before anything runs.
+    before = read_section(arguments.page, SECTION) if arguments.page else ''
+    rows = run_cases(chosen, judged, console, arguments.verbose, arguments.record)
+    if arguments.page:
+        kept = before if arguments.only else ''
+        write_section(arguments.page, SECTION, page_table(rows, kept))
     return 0 if all(row.passed for row in rows) else FAILED
 
 
@@ -125,7 +119,7 @@ def _view(rows: Sequence[Outcome], progress: Progress) -> Table:
     return grid
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> OneLineParser:
     own = Topics()
     parser = OneLineParser(
         prog='faults',
