@@ -132,12 +132,15 @@ def test_a_change_of_command_is_judged_from_one_command_to_the_next_whatever_the
         made.times, made.values = np.array(times), np.array(values)[:, None]
         return made
 
-    allowed, true = np.array([0.1]), record([0.0, 0.3], [0.5, 0.0])
-    even = record([0.0, 0.002, 0.03, 0.035], [0.5, 0.6, 0.7, 0.6])
-    assert largest_change(even, true, allowed) == pytest.approx(1.0)
-    late = record([0.0, 0.05], [0.5, 0.8])
-    assert largest_change(late, true, allowed) == pytest.approx(3.0)
+    true = record([0.0, 0.3], [0.5, 0.0])
+
+    def change(times, values, steps=None):
+        numbers = np.ones(len(times) - 1) if steps is None else np.array(steps)
+        return largest_change(record(times, values), numbers, true, np.array([0.1]))
+
+    assert change([0.0, 0.002, 0.03, 0.035], [0.5, 0.6, 0.7, 0.6]) == pytest.approx(1.0)
+    assert change([0.0, 0.05], [0.5, 0.8]) == pytest.approx(3.0)
+    assert change([0.0, 0.05], [0.5, 0.8], [3]) == pytest.approx(1.0)
     for begin, share in ((0.5, 5.0), (0.1, 1.0)):
-        after_a_stop = record([0.0, 0.3, 0.305], [0.5, begin, 0.0])
-        assert largest_change(after_a_stop, true, allowed) == pytest.approx(share)
-    assert largest_change(record([0.0, 0.28], [0.5, 0.0]), true, allowed) == 0.0
+        assert change([0.0, 0.3, 0.305], [0.5, begin, 0.0]) == pytest.approx(share)
+    assert change([0.0, 0.28], [0.5, 0.0]) == 0.0
