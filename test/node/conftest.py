@@ -54,13 +54,16 @@ class LoneController:
         self.client.publish('joint_states', msg)
         return msg
 
-    def ask(self, position: Sequence[float], names: Sequence[str] = JOINTS) -> list[float]:
+    def ask(
+        self, position: Sequence[float], names: Sequence[str] = JOINTS, **fields: Any
+    ) -> list[float]:
         """Publish a joint state and return the velocities that answer it.
 
         A busy machine may hold it up until it is too old: then another one is published.
         """
         while True:
-            stamp, ignored = self.give(position, names).header.stamp, self.state.ignored_states
+            stamp = self.give(position, names, **fields).header.stamp
+            ignored = self.state.ignored_states
 
             def answers(stamp: Time = stamp) -> list[JointState]:
                 return [command for command in self.commands if command.header.stamp == stamp]

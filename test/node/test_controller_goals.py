@@ -8,14 +8,16 @@ from spare_tasks import SPARE_TASKS
 
 from tp_controller.errors import InvalidValue
 from tp_sim.harness import ClosedLoop, GoalRejected
+from tp_sim.harness.document import edited
 
 NAN = float('nan')
 
 
 @pytest.fixture(scope='module')
 def loop(config):
-    """A3 with an idle task of every other type."""
-    with ClosedLoop(config / 'a3_position_orientation.yaml', SPARE_TASKS) as loop:
+    """A3 with an idle task of every other type; a busy machine lets it brake late only."""
+    changes = edited(SPARE_TASKS, {'/**': {'timeouts': {'joint_state': 5.0}}})
+    with ClosedLoop(config / 'a3_position_orientation.yaml', changes) as loop:
         yield loop
 
 

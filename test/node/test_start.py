@@ -68,8 +68,7 @@ def test_a_driver_that_repeats_one_joint_state_moves_the_arm_for_a_moment_only(l
 def test_a_first_velocity_beyond_the_limit_is_no_command(lone_controller):
     limits = {'velocity': [1.0], 'acceleration': [2.0]}
     controller = lone_controller({'/**': {'robot': {'limits': limits}}})
-    controller.give(A, velocity=[60.0, -60.0, 0.3])
-    controller.client.wait_for(lambda: bool(controller.commands), 'a command')
+    controller.ask(A, velocity=[60.0, -60.0, 0.3])
     assert np.abs(controller.commands[0].velocity).max() <= 1.0
 
 
