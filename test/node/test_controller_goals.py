@@ -16,7 +16,7 @@ NAN = float('nan')
 @pytest.fixture(scope='module')
 def loop(config):
     """A3 with an idle task of every other type; a busy machine lets it brake late only."""
-    changes = edited(SPARE_TASKS, {'/**': {'timeouts': {'joint_state': 5.0}}})
+    changes = edited(SPARE_TASKS, {'tp_controller': {'timeouts': {'joint_state': 5.0}}})
     with ClosedLoop(config / 'a3_position_orientation.yaml', changes) as loop:
         yield loop
 
