@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 
 from tp_interfaces.msg import ControllerState
 from tp_interfaces.srv import AddTask, RemoveTask
 from tp_sim.harness import ClosedLoop, GoalRejected
+from tp_sim.harness.document import edited
 
 START = [0.0, 0.6, 0.3]
 BALL = '{type: obstacle, frame: link_3, axes: xy, center: [5.0, 5.0], radius: 0.2}'
@@ -223,3 +225,29 @@ def test_an_empty_hierarchy_means_rest_at_start_and_later(config):
         assert 'no task in the hierarchy: at rest' in loop.state.message
         assert not np.any(loop.state.command)
         assert changes_of(loop) <= 1.0 + 1e-9
+
+
+def test_a_late_arm_rests_outside_its_range_in_real_time_too(config):
+    response = {'delay': 2 / RATE, 'lag': 0.02, 'noise': 5e-4}
+    plant = {'delay': 2, 'lag': [0.02], 'noise': [5e-4]}
+    ranges = {'position_min': [-3.0], 'position_max': [3.0]}
+    shared = edited(SHARED, {'command': {'type': 'joint_state'}, 'robot': response})
+    changes = {
+        '/**': edited(shared, {'robot': {'limits': ranges}}),
+        'tp_sim': {'plant': plant},
+        'tp_controller': PATIENT,
+    }
+    with ClosedLoop(config / 'a4_position_joint.yaml', changes, lockstep=False) as loop:
+        commands = loop.client.collect(JointState, 'joint_velocity_command')
+        hold(loop.client)
+        loop.client.wait_for(lambda: 'held by ~/hold: at rest' in loop.state.message, 'rest')
+        # The second joint stands beyond this end.
+        loop.set_parameters({'robot.limits.position_max': [3.0, START[1] - 1.3, 3.0]})
+        count = len(commands)
+        loop.client.wait_for(lambda: len(commands) > count + 100, 'commands')
+        assert not any(any(command.velocity) for command in commands[count:])
+        hold(loop.client, False)
+        loop.client.wait_for(lambda: commands[-1].velocity[1] < -0.05, 'the way back')
+        hold(loop.client)
+        loop.client.wait_for(lambda: not any(commands[-1].velocity), 'rest')
+        assert loop.state.position[1] > START[1] - 1.2, 'it stands outside'
