@@ -147,8 +147,7 @@ class JointBounds:
     def let_rest(self) -> None:
         """Let joints stay outside their ranges until the next call of `by_limits`."""
         if not self.plain:
-            np.minimum(self.bounds.soon_lower, 0.0, out=self.bounds.soon_lower)
-            np.maximum(self.bounds.soon_upper, 0.0, out=self.bounds.soon_upper)
+            include_zero(self.bounds)
 
     def approach(self, command: Vector, acceleration: Vector, bounds: Bounds) -> None:
         """Bring a wished command (n,) into bounds, in the direction from the last command."""
@@ -201,6 +200,12 @@ class JointBounds:
             if sign * value >= sign * soon - AT_LIMIT * max(1.0, abs(soon)):
                 return [f'{joint} {"position" if sign * free <= sign * soon else "acceleration"}']
         return []
+
+
+def include_zero(bounds: Bounds) -> None:
+    """Widen bounds to have zero in them, also for joints outside their ranges."""
+    np.minimum(bounds.soon_lower, 0.0, out=bounds.soon_lower)
+    np.maximum(bounds.soon_upper, 0.0, out=bounds.soon_upper)
 
 
 def _fixed(values: Vector) -> Vector:

@@ -95,7 +95,7 @@ class Lookahead:
         # Noise counts twice where the arm may do something else than the model.
         noise = response.noise * (2.0 if response.hold else 1.0)
         self._reserve = self._clear + self._reach @ noise
-        # A row that was too near is one until it is half way from there to its margin.
+        # A row that was too near counts as near until it is half way to its margin.
         half = 0.5 * (self._reserve + np.concatenate([*margins, np.zeros(0)]))
         self._apart = np.maximum(self._reserve, half)
         self._near, self._past_near = np.zeros((2, rows), dtype=np.bool_)
@@ -174,7 +174,7 @@ class Lookahead:
             np.minimum(self._distance, self._reserve, out=self._required)
             self._near &= self._distance < self._apart
             self._near |= self._distance < self._reserve
-            # Of one that has no contact, what leads to one is left.
+            # A distance above zero may be lower by this much, but not below zero.
             np.clip(self._distance, 0.0, LEEWAY, out=self._leeway)
             self._leeway[self._distance < self._clear] = LEEWAY
             self._leeway[~self._near] = 0.0
@@ -363,8 +363,8 @@ class Lookahead:
             self._probe(near, end, last, enough)
             self._probe(near, begin, first, enough)
             first[~doubtful] = last[~doubtful] = np.inf
-            # Where the arm is already too near it must not get nearer. There the tube does not
-            # count: whatever is sent, it cannot be kept out of what is too near.
+            # Where the arm is too near already, it must not get nearer. The tube does not count
+            # there: no command keeps the arm out of where it may be already.
             floor = np.where(required < self._reserve, np.minimum(required, first), first)
             required = np.where(self._near, floor, required + self._reach @ tube)
             for distance in (first, last):

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tp_controller.arm import Arm
 from tp_controller.errors import NO_VALUE, InvalidValue, UnusableState, shown
-from tp_controller.joint_bounds import JointBounds
+from tp_controller.joint_bounds import JointBounds, include_zero
 from tp_controller.lookahead import Lookahead
 from tp_controller.problem import checked_array
 from tp_controller.robot import Limits, Robot
@@ -193,9 +193,7 @@ class SafetyFilter:
         """
         self._joints.let_rest()
         if self.transition.under_way:
-            bounds = self.transition.bounds
-            np.minimum(bounds.soon_lower, 0.0, out=bounds.soon_lower)
-            np.maximum(bounds.soon_upper, 0.0, out=bounds.soon_upper)
+            include_zero(self.transition.bounds)
 
     def approach(self, command: Vector) -> None:
         """Bring a wished command (n,) to what this step allows, in the same direction."""
